@@ -1,7 +1,7 @@
 """Learners: traces, baselines and critics, estimators, optimizers and metrics, and the agent that they make up."""
 
-from motorgrad._goal import Goal
 from motorgrad._branching import NEVER, where, where_any
+from motorgrad._goal import Goal
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad.learning import algorithms as _algorithms
 from motorgrad.learning._action_transitions import ActionTransitions
@@ -31,7 +31,7 @@ from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
 from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
 from motorgrad.learning._learned_trace import LearnedTrace
-from motorgrad.learning._learner import Decision, Learner, Needs, Transition
+from motorgrad.learning._learner import Decision, Learner, Needs, Transition, first_decision, with_decision
 from motorgrad.learning._named_estimators import actor_critic, gae, gpomdp, olgarb, olpomdp
 from motorgrad.learning._natural import FisherMetric, LimitedMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural, RegressionMetric
@@ -155,6 +155,7 @@ __all__ = [
     "add_sample",
     "count",
     "entropy_gradient",
+    "first_decision",
     "gae",
     "gpomdp",
     "number",
@@ -166,5 +167,6 @@ __all__ = [
     "two_sum",
     "where",
     "where_any",
+    "with_decision",
 ]
 __all__ += [name for name in vars(_algorithms) if not name.startswith("_")]  # pyright: ignore[reportUnsupportedDunderAll]

@@ -20,7 +20,6 @@ import optax
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._branching import NEVER, Flag, Scalar
-from motorgrad._errors import check
 from motorgrad._groups import by_group
 from motorgrad._running import RunningMean, add_sample, counted_on, running_mean
 from motorgrad.learning._learner import Transition
@@ -330,22 +329,3 @@ class Chain(NamedTuple):
         for stage, state in zip(self.stages, states, strict=True):
             policy = stage.final_policy(state, policy)
         return policy
-
-
-def as_transformation(value: Any) -> Any:
-    """A transformation; one of optax's is wrapped."""
-    foreign = not isinstance(value, Part) and hasattr(value, "init") and hasattr(value, "update")
-    return Optax(value) if foreign else value
-
-
-def check_transformations(stages: tuple[object, ...]) -> None:
-    """Refuse what is no transformation among the `transformations` of a learner."""
-    for index, stage in enumerate(stages):
-        check(isinstance(stage, Transformation), f"transformations.{index}", stage, "a Transformation, or optax's")
-
-
-def check_any_gradient(optimizer: Optimizer, learner: str) -> None:
-    """Refuse an optimizer that does not make a step of any gradient, for the class of a learner that gives several
-    from the same decisions."""
-    wanted = f"one that makes a step of every gradient, such as SGD or Adam, for {learner}"
-    check(optimizer.steps_from == "any", "optimizer", type(optimizer).__name__, wanted)

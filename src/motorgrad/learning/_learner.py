@@ -10,10 +10,11 @@ they lack it. Nothing here knows the task.
 import abc
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Literal, NamedTuple, Self
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
@@ -29,6 +30,9 @@ from motorgrad.policies import (
     with_interface,
 )
 from motorgrad.schema import PART_CLASSES, Numbers, Part, inner
+
+S = TypeVar("S", bound=Any)
+"""The state of a learner."""
 
 
 class Transition(NamedTuple):
@@ -58,6 +62,21 @@ class Decision(NamedTuple):
 
     observation: Float[Array, " inputs"]
     action: Array
+
+
+def first_decision(policy: Policy) -> Decision | None:
+    """Room for what a policy sees and draws; `None` for one that sees and draws what the task shows and gets."""
+    if not (abilities.has_hidden_units(policy) or abilities.has_memory(policy)):
+        return None
+    observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
+    return Decision(observation, jnp.zeros_like(policy.mode(observation)))
+
+
+def with_decision(state: S, seen: Float[Array, " inputs"], action: Array) -> S:
+    """The state of a learner with what its policy saw and drew, where it has room for that."""
+    if state.decision is None:
+        return state
+    return state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
 
 
 class Needs(NamedTuple):
@@ -241,9 +260,9 @@ def _check_differentiable(policy: Policy, kind: str) -> None:
     """Refuse a policy whose actions JAX does not differentiate."""
 
     def slope(policy: Policy) -> PyTree[Array]:
-        observation = jax.numpy.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
-        numbers = jax.numpy.zeros(policy.uniforms, observation.dtype)
-        return eqx.filter_grad(lambda present: jax.numpy.sum(present.sample(observation, numbers)))(policy)
+        observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
+        numbers = jnp.zeros(policy.uniforms, observation.dtype)
+        return eqx.filter_grad(lambda present: jnp.sum(present.sample(observation, numbers)))(policy)
 
     try:
         eqx.filter_eval_shape(slope, policy)

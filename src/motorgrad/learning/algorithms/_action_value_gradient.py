@@ -23,22 +23,20 @@ from jaxtyping import Array, Float, PyTree, UInt32
 from motorgrad._branching import Flag, Scalar, any_of, where
 from motorgrad._natural import Learnable, PolicyTable
 from motorgrad._running import RunningMean, add_observation, add_sample, running_mean
-from motorgrad.learning._chain import (
-    Adam,
-    Chain,
-    Optimizer,
-    PolyakAveraging,
-    Transformation,
-    adam_scaling,
-    as_transformation,
+from motorgrad.learning._chain import Adam, Chain, Optimizer, PolyakAveraging, Transformation, adam_scaling
+from motorgrad.learning._critics import ValueNetwork, value_network
+from motorgrad.learning._gradient_learner import (
+    GradientLearner,
+    averaging_field,
     check_any_gradient,
     check_transformations,
+    optimizer_field,
+    transformations_field,
 )
-from motorgrad.learning._critics import ValueNetwork, value_network
 from motorgrad.learning._gradients import gradient_of
 from motorgrad.learning._learner import Learner, Needs, Transition
 from motorgrad.learning._scaling import RewardScaling, ScalingState
-from motorgrad.learning._schedules import Annealed, Steps, at, changes
+from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.learning.algorithms._presets import DISCOUNT, behind_layers, preset
 from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, abilities, adapted, split, trainable
 from motorgrad.schema import Part, inner, number, register
@@ -190,7 +188,7 @@ class ActionValueGradientState(NamedTuple):
     diverged: Flag | None = None
 
 
-class ActionValueGradient(Learner):
+class ActionValueGradient(GradientLearner):
     r"""The action value gradient, AVG (Vasan et al., 2024): the policy follows the value of its action, not its reward.
 
     $$g = \nabla_\theta\,\big[Q(y, a_\theta(y, u)) + \alpha H(\pi(\cdot \mid y))\big]$$
@@ -220,17 +218,9 @@ class ActionValueGradient(Learner):
     reward_scaling: RewardScaling | None = inner(
         None, help="none, or `RewardScaling` of rewards before anything else sees them"
     )
-    optimizer: Optimizer = inner(
-        Adam(3e-4, b1=0.0), converter=as_transformation, help="how a gradient moves the parameters of the policy"
-    )
-    transformations: tuple[Transformation, ...] = inner(
-        (),
-        converter=lambda stages: tuple(map(as_transformation, stages)),
-        help="further gradient transformations after the optimizer, ours or optax's",
-    )
-    averaging: PolyakAveraging | None = inner(
-        None, help="none, or `PolyakAveraging` to keep the mean of the last parameters in place of the last ones"
-    )
+    optimizer: Optimizer = optimizer_field(Adam(3e-4, b1=0.0))
+    transformations: tuple[Transformation, ...] = transformations_field()
+    averaging: PolyakAveraging | None = averaging_field()
 
     def validate(self) -> None:
         super().validate()
@@ -251,14 +241,13 @@ class ActionValueGradient(Learner):
         policy = self.first_policy(key)
         dtype = jax.tree.leaves(trainable(policy))[0].dtype
         values = jax.random.fold_in(jax.random.fold_in(key, 2), 2)
-        counted = self.chain.needs_steps or changes(self.hyperparameters)
         return ActionValueGradientState(
             policy=policy,
             values=self.values.init(policy, dtype, values),
             chain=self.chain.init(policy),
             uniforms=jnp.zeros(policy.uniforms, dtype),
             scaling=None if self.reward_scaling is None else self.reward_scaling.init(dtype),
-            steps=jnp.zeros((), jnp.int32) if counted else None,
+            steps=self.first_steps(),
         )
 
     def act(
@@ -304,15 +293,6 @@ class ActionValueGradient(Learner):
         if state.diverged is not None:
             moved = where(state.diverged, state, moved)
         return moved._replace(sample=None, diverged=None)
-
-    def final_policy(self, state: ActionValueGradientState) -> Policy:
-        """The averaged policy if there is one, else the one that acts. States of many seeds are allowed."""
-        return self.chain.final_policy(state.chain, state.policy)
-
-    def set_policy(self, state: ActionValueGradientState, policy: Policy) -> ActionValueGradientState:
-        """The state with another policy in place, from which averages begin anew. States of many seeds are allowed."""
-        state = super().set_policy(state, policy)
-        return state._replace(chain=self.chain.map(lambda stage, own: stage.reset(own, state.policy), state.chain))
 
 
 register(Learner, "action-value-gradient", ActionValueGradient)

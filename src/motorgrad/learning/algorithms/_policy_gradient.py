@@ -19,19 +19,18 @@ from jaxtyping import Array, Float, Int, PyTree
 from motorgrad._branching import NEVER, Flag, any_of, where
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._chain import (
-    SGD,
-    Chain,
-    Optimizer,
-    PolyakAveraging,
-    Transformation,
-    as_transformation,
-    check_transformations,
-)
+from motorgrad.learning._chain import SGD, Chain, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._estimator import Estimator, EstimatorState
-from motorgrad.learning._learner import Decision, Learner, Needs, Transition
+from motorgrad.learning._gradient_learner import (
+    GradientLearner,
+    averaging_field,
+    check_transformations,
+    optimizer_field,
+    transformations_field,
+)
+from motorgrad.learning._learner import Decision, Learner, Needs, Transition, first_decision, with_decision
 from motorgrad.learning._natural import Metric
-from motorgrad.learning._schedules import Steps, changes
+from motorgrad.learning._schedules import Steps
 from motorgrad.learning.growth import Growth, GrowthState
 from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import inner, register
@@ -72,7 +71,7 @@ class AgentState(NamedTuple):
     pending: Pending | None = None
 
 
-class Agent(Learner):
+class Agent(GradientLearner):
     """The policy gradient with traces: what acts, how credit is assigned, and how parameters move.
 
     ```python
@@ -103,26 +102,15 @@ class Agent(Learner):
     estimator: Estimator = inner(
         Estimator(), help="how rewards are assigned to decisions: trace, baseline and batch (see `Estimator`, `olgarb`)"
     )
-    optimizer: Optimizer = inner(
-        SGD(1e-3),
-        converter=as_transformation,
-        help="how a gradient moves the parameters: `SGD`, `Adam`, or any optax transformation, which receives minus "
-        "the gradient",
-    )
+    optimizer: Optimizer = optimizer_field(SGD(1e-3))
     metric: Metric | None = inner(
         None, help="none for the plain gradient; a `FisherMetric` for the natural gradient of each unit"
     )
-    transformations: tuple[Transformation, ...] = inner(
-        (),
-        converter=lambda stages: tuple(map(as_transformation, stages)),
-        help="further gradient transformations after the optimizer, ours or optax's",
-    )
+    transformations: tuple[Transformation, ...] = transformations_field()
     growth: Growth | None = inner(
         None, help="none for a policy of one size; a `Growth` that adds the units of a `Masked` pool one by one"
     )
-    averaging: PolyakAveraging | None = inner(
-        None, help="none, or `PolyakAveraging` to keep the mean of the last parameters in place of the last ones"
-    )
+    averaging: PolyakAveraging | None = averaging_field()
 
     def validate(self) -> None:
         super().validate()
@@ -168,23 +156,18 @@ class Agent(Learner):
 
     def init(self, key: jax.Array) -> AgentState:
         policy = self.first_policy(key)
-        dtype = jax.tree.leaves(trainable(policy))[0].dtype
         growth = None
         if self.growth is not None:
             growth, policy = self.growth.init(policy, jax.random.fold_in(key, 1))
         zeros = jax.tree.map(jnp.zeros_like, trainable(policy))
-        decision = None
-        if abilities.has_hidden_units(policy) or abilities.has_memory(policy):
-            observation = jnp.zeros(policy.inputs, dtype)
-            decision = Decision(observation, jnp.zeros_like(policy.mode(observation)))
         chain = self.chain
         return AgentState(
             policy=policy,
             estimator=self.estimator.init(policy, jax.random.fold_in(key, 2)),
             gradient=None if self.estimator.online else running_mean(zeros),
             chain=chain.init(policy),
-            decision=decision,
-            steps=jnp.zeros((), jnp.int32) if chain.needs_steps or changes(self.hyperparameters) else None,
+            decision=first_decision(policy),
+            steps=self.first_steps(),
             growth=growth,
             memory=abilities.initial_memory(policy),
         )
@@ -197,8 +180,7 @@ class Agent(Learner):
         seen = abilities.observation_with_memory(policy, state.memory, observation)
         action = policy.sample(seen, uniforms)
         score = policy.score(seen, action)
-        if state.decision is not None:
-            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
+        state = with_decision(state, seen, action)
         if self.growth is not None and state.growth is not None:
             state = state._replace(growth=self.growth.observe(state.growth, observation))
         estimator = self.estimator.act(state.estimator, abilities.critic_observation(policy, seen), score)
@@ -275,15 +257,6 @@ class Agent(Learner):
             found["units"] = jnp.sum(state.policy.active)  # type: ignore[attr-defined]
             found["adding"] = self.growth.adds(state.growth).astype(jnp.int32)
         return found
-
-    def final_policy(self, state: AgentState) -> Policy:
-        """The averaged policy if there is one, else the one that acts. States of many seeds are allowed."""
-        return self.chain.final_policy(state.chain, state.policy)
-
-    def set_policy(self, state: AgentState, policy: Policy) -> AgentState:
-        """The state with another policy in place, from which averages begin anew. States of many seeds are allowed."""
-        state = super().set_policy(state, policy)
-        return state._replace(chain=self.chain.map(lambda stage, own: stage.reset(own, state.policy), state.chain))
 
     def _due(self, state: AgentState) -> Flag:
         """Whether the parameters are about to move."""

@@ -23,23 +23,22 @@ from motorgrad._natural import Learnable, PolicyTable, horizon
 from motorgrad.learning._advantages import Advantages
 from motorgrad.learning._baselines import Baseline, MeanReward
 from motorgrad.learning._batches import Batch
-from motorgrad.learning._chain import (
-    Adam,
-    Chain,
-    Optimizer,
-    PolyakAveraging,
-    Transformation,
-    as_transformation,
+from motorgrad.learning._chain import Adam, Chain, Optimizer, PolyakAveraging, Transformation
+from motorgrad.learning._gradient_learner import (
+    GradientLearner,
+    averaging_field,
     check_any_gradient,
     check_transformations,
+    optimizer_field,
+    transformations_field,
 )
 from motorgrad.learning._gradients import gradient_of
-from motorgrad.learning._learner import Decision, Learner, Needs, Transition
+from motorgrad.learning._learner import Decision, Learner, Needs, Transition, first_decision, with_decision
 from motorgrad.learning._natural import Metric
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
-from motorgrad.learning._schedules import Annealed, Steps, at, changes
+from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.learning.algorithms._presets import DISCOUNT, SMALL, behind_layers, fitted_returns, large_batch, preset
-from motorgrad.policies import Policy, abilities, trainable
+from motorgrad.policies import Policy, abilities
 from motorgrad.schema import count, inner, number, register, static
 
 
@@ -59,7 +58,7 @@ class ProximalState(NamedTuple):
     memory: Float[Array, " memory"] | None = None
 
 
-class ProximalPolicyOptimization(Learner):
+class ProximalPolicyOptimization(GradientLearner):
     r"""Proximal policy optimisation, PPO (Schulman et al., 2017): uses every batch of decisions several times.
 
     Once a batch of `update_every` decisions is full, its advantages are summed up from the last decision back,
@@ -122,20 +121,12 @@ class ProximalPolicyOptimization(Learner):
     normalization: RootMeanSquare | None = inner(
         None, help=r"none for temporal differences $\delta$ as they are, or `RootMeanSquare` to normalize them"
     )
-    optimizer: Optimizer = inner(
-        Adam(3e-4), converter=as_transformation, help="how a gradient moves the parameters of the policy"
-    )
+    optimizer: Optimizer = optimizer_field(Adam(3e-4))
     metric: Metric | None = inner(
         None, help="none for the plain gradient; a `ConjugateGradient` or `FisherMetric` for the natural gradient"
     )
-    transformations: tuple[Transformation, ...] = inner(
-        (),
-        converter=lambda stages: tuple(map(as_transformation, stages)),
-        help="further gradient transformations after the optimizer, ours or optax's",
-    )
-    averaging: PolyakAveraging | None = inner(
-        None, help="none, or `PolyakAveraging` to keep the mean of the last parameters in place of the last ones"
-    )
+    transformations: tuple[Transformation, ...] = transformations_field()
+    averaging: PolyakAveraging | None = averaging_field()
 
     def validate(self) -> None:
         super().validate()
@@ -173,18 +164,12 @@ class ProximalPolicyOptimization(Learner):
     def init(self, key: jax.Array) -> ProximalState:
         policy = self.first_policy(key)
         own = jax.random.fold_in(key, 2)
-        dtype = jax.tree.leaves(trainable(policy))[0].dtype
-        decision = None
-        if abilities.has_hidden_units(policy) or abilities.has_memory(policy):
-            observation = jnp.zeros(policy.inputs, dtype)
-            decision = Decision(observation, jnp.zeros_like(policy.mode(observation)))
-        counted = self.chain.needs_steps or changes(self.hyperparameters)
         return ProximalState(
             policy=policy,
             batch=Batch.empty(policy, self.update_every, jax.random.fold_in(own, 1)),
             chain=self.chain.init(policy),
-            steps=jnp.zeros((), jnp.int32) if counted else None,
-            decision=decision,
+            steps=self.first_steps(),
+            decision=first_decision(policy),
             memory=abilities.initial_memory(policy),
             **self.advantages.init(policy, own),
         )
@@ -195,8 +180,7 @@ class ProximalPolicyOptimization(Learner):
         policy = state.policy
         seen = abilities.observation_with_memory(policy, state.memory, observation)
         action = policy.sample(seen, uniforms)
-        if state.decision is not None:
-            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
+        state = with_decision(state, seen, action)
         state = self.advantages.observe(state, abilities.critic_observation(policy, seen))
         return state._replace(memory=abilities.remember(policy, seen, action)), abilities.task_action(policy, action)
 
@@ -246,15 +230,6 @@ class ProximalPolicyOptimization(Learner):
     def readings(self, state: ProximalState) -> dict[str, Array]:
         """The level of rewards, `baseline`."""
         return {"baseline": self.advantages.level(state)}
-
-    def final_policy(self, state: ProximalState) -> Policy:
-        """The averaged policy if there is one, else the one that acts. States of many seeds are allowed."""
-        return self.chain.final_policy(state.chain, state.policy)
-
-    def set_policy(self, state: ProximalState, policy: Policy) -> ProximalState:
-        """The state with another policy in place, from which averages begin anew. States of many seeds are allowed."""
-        state = super().set_policy(state, policy)
-        return state._replace(chain=self.chain.map(lambda stage, own: stage.reset(own, state.policy), state.chain))
 
     def gradient(self, policy: Policy, rows: PyTree, bonus: Float[Array, ""] | None = None) -> PyTree[Array]:
         r"""$\nabla_\theta L$ at the parameters of `policy`, for the decisions in `rows`: observations, actions, their

@@ -20,21 +20,20 @@ from motorgrad._errors import check
 from motorgrad._goal import Goal
 from motorgrad._natural import Learnable, PolicyTable, horizon
 from motorgrad.learning._action_value_ensemble import ActionValueEnsemble, EnsembleState
-from motorgrad.learning._chain import (
-    Adam,
-    Chain,
-    Optimizer,
-    PolyakAveraging,
-    Transformation,
-    as_transformation,
+from motorgrad.learning._chain import Adam, Chain, Optimizer, PolyakAveraging, Transformation
+from motorgrad.learning._gradient_learner import (
+    GradientLearner,
+    averaging_field,
     check_any_gradient,
     check_transformations,
+    optimizer_field,
+    transformations_field,
 )
 from motorgrad.learning._gradients import gradient_of
-from motorgrad.learning._learner import Decision, Learner, Needs, Transition
+from motorgrad.learning._learner import Decision, Learner, Needs, Transition, first_decision, with_decision
 from motorgrad.learning._replay import Drawn, Experience, Replay, update_from_replay
 from motorgrad.learning._scaling import RewardScaling, ScalingState
-from motorgrad.learning._schedules import Annealed, Steps, at, changes
+from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.learning.algorithms._presets import behind_layers, preset
 from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import Part, count, inner, number, register
@@ -98,7 +97,7 @@ class SoftActorCriticState(NamedTuple):
     decision: Decision | None = None
 
 
-class SoftActorCritic(Learner):
+class SoftActorCritic(GradientLearner):
     r"""Soft actor-critic (Haarnoja et al., 2018): the policy follows the value of its actions, at decisions from the
     past.
 
@@ -142,17 +141,9 @@ class SoftActorCritic(Learner):
         None, help=r"none, or the entropy for which $\alpha$ is learned, in place of `entropy`"
     )
     reward_scaling: RewardScaling | None = inner(None, help="none, or `RewardScaling` of the rewards that are drawn")
-    optimizer: Optimizer = inner(
-        Adam(5e-4), converter=as_transformation, help="how a gradient moves the parameters of the policy"
-    )
-    transformations: tuple[Transformation, ...] = inner(
-        (),
-        converter=lambda stages: tuple(map(as_transformation, stages)),
-        help="further gradient transformations after the optimizer, ours or optax's",
-    )
-    averaging: PolyakAveraging | None = inner(
-        None, help="none, or `PolyakAveraging` to keep the mean of the last parameters in place of the last ones"
-    )
+    optimizer: Optimizer = optimizer_field(Adam(5e-4))
+    transformations: tuple[Transformation, ...] = transformations_field()
+    averaging: PolyakAveraging | None = averaging_field()
 
     def validate(self) -> None:
         super().validate()
@@ -179,11 +170,6 @@ class SoftActorCritic(Learner):
         dtype = jax.tree.leaves(trainable(policy))[0].dtype
         observation = jnp.zeros(abilities.marginal(policy).inputs, dtype)
         action = abilities.marginal(policy).mode(observation)
-        counted = self.chain.needs_steps or changes(self.hyperparameters)
-        decision = None
-        if abilities.has_memory(policy):
-            seen = jnp.zeros(policy.inputs, dtype)
-            decision = Decision(seen, jnp.zeros_like(policy.mode(seen)))
         return SoftActorCriticState(
             policy=policy,
             values=self.values.init(observation.size + action.size, dtype, jax.random.fold_in(own, 2)),
@@ -192,9 +178,9 @@ class SoftActorCritic(Learner):
             chain=self.chain.init(policy),
             entropy=None if self.entropy_target is None else self.entropy_target.init(dtype),
             scaling=None if self.reward_scaling is None else self.reward_scaling.init(dtype),
-            steps=jnp.zeros((), jnp.int32) if counted else None,
+            steps=self.first_steps(),
             memory=abilities.initial_memory(policy),
-            decision=decision,
+            decision=first_decision(policy),
         )
 
     def act(
@@ -203,8 +189,7 @@ class SoftActorCritic(Learner):
         policy = state.policy
         seen = abilities.observation_with_memory(policy, state.memory, observation)
         action = policy.sample(seen, uniforms)
-        if state.decision is not None:
-            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
+        state = with_decision(state, seen, action)
         return state._replace(memory=abilities.remember(policy, seen, action)), action
 
     def observe(self, state: SoftActorCriticState, transition: Transition) -> SoftActorCriticState:
@@ -259,15 +244,6 @@ class SoftActorCritic(Learner):
         values = self.values.update(state.values, batch, later, state.steps)
         gradient = self._gradient(values, state.policy, batch, coefficient, of_this)
         return self.chain.step(state._replace(values=values, entropy=learned), gradient)
-
-    def final_policy(self, state: SoftActorCriticState) -> Policy:
-        """The averaged policy if there is one, else the one that acts. States of many seeds are allowed."""
-        return self.chain.final_policy(state.chain, state.policy)
-
-    def set_policy(self, state: SoftActorCriticState, policy: Policy) -> SoftActorCriticState:
-        """The state with another policy in place, from which averages begin anew. States of many seeds are allowed."""
-        state = super().set_policy(state, policy)
-        return state._replace(chain=self.chain.map(lambda stage, own: stage.reset(own, state.policy), state.chain))
 
     def _restarted(self, state: SoftActorCriticState) -> SoftActorCriticState:
         """The state at the start of an episode."""

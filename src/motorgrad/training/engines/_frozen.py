@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from motorgrad._branching import any_of, where
-from motorgrad.learning import NEVER, Decision, Learner, Transition
-from motorgrad.policies import Policy, abilities, trainable, with_interface
+from motorgrad.learning import NEVER, Decision, Learner, Transition, first_decision, with_decision
+from motorgrad.policies import Policy, abilities, with_interface
 
 
 class FrozenState(NamedTuple):
@@ -32,11 +32,7 @@ class Frozen:
 
     def init(self, key: jax.Array) -> FrozenState:
         policy = self._learner.init(key).policy
-        decision = None
-        if abilities.has_hidden_units(policy) or abilities.has_memory(policy):
-            observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
-            decision = Decision(observation, jnp.zeros_like(policy.mode(observation)))
-        return FrozenState(policy, decision, abilities.initial_memory(policy))
+        return FrozenState(policy, first_decision(policy), abilities.initial_memory(policy))
 
     def act(
         self, state: FrozenState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
@@ -44,8 +40,7 @@ class Frozen:
         policy = state.policy
         seen = abilities.observation_with_memory(policy, state.memory, observation)
         action = policy.mode(seen) if self._greedy else policy.sample(seen, uniforms)
-        if state.decision is not None:
-            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
+        state = with_decision(state, seen, action)
         return state._replace(memory=abilities.remember(policy, seen, action)), abilities.task_action(policy, action)
 
     def observe(self, state: FrozenState, transition: Transition) -> FrozenState:
