@@ -184,6 +184,20 @@ def test_what_cannot_be_is_refused_in_one_line(make, told):
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.parametrize(
+    ("settings", "reads"),
+    [
+        ("policy = 'softmax'", False),
+        ("policy = 'softmax'\nbaseline = 'critic'", True),
+        ("kind = 'action-value-gradient'\npolicy = 'graded-hyperplanes'", True),
+    ],
+)
+def test_a_learner_of_values_must_be_shown_what_an_action_led_to(settings, reads):
+    """Zeros in its place would be learned from without a word."""
+    port = timlab.Learner(2, 2, settings).inputs["next_observation"]
+    assert (port.default is None) is reads
+
+
 ODD = [None, True, -1, 0, 1.5, float("nan"), 1e30, 10**30, "", "x", (), (1, 2), ((1, 2), (3,)), ("a",), {"a": 1}, b"x"]
 
 

@@ -30,7 +30,7 @@ from motorgrad.schema import (
     with_number,
 )
 from timlab.blocks._base import as_text, read_table
-from timlab.blocks.learning._shared import MAX_UNITS, VALID, where
+from timlab.blocks.learning._shared import MAX_UNITS, VALID, reads, where
 from timlab.blocks.learning._units import Sizes, flat, key_from, kind_of, size_of
 from timlab.diagram import Block, Moment, Port, Ports, Signals, nested
 
@@ -115,14 +115,26 @@ class Learner(Block):
     @property
     def inputs(self) -> Ports:
         flag = Port((), "bool", default=0.0)
+        usual = {} if self._reads_next_observation else {"default": 0.0}
         return {
             "observation": Port((self.observed,)),
             "reward": Port(),
-            "next_observation": Port((self.observed,), default=0.0, help="before any reset; for learners of values"),
+            "next_observation": Port((self.observed,), help="before any reset; for learners of values", **usual),
             "terminated": flag,
             "truncated": flag,
             "valid": VALID,
         }
+
+    @functools.cached_property
+    def _reads_next_observation(self) -> bool:
+        """Whether it learns from what an action led to, as critics and action values do. It must be wired then."""
+        seen = jax.ShapeDtypeStruct((self.observed,), jnp.result_type(float))
+        reward = jax.ShapeDtypeStruct((), seen.dtype)
+
+        def observed(following: Array, before: Array, action: Array, reward: Array, state: PyTree[Array]) -> PyTree:
+            return self._agent.observe(state, learning.Transition(before, action, reward, following))
+
+        return reads(observed, seen, seen, self._action, reward, self._state)[0]
 
     @property
     def outputs(self) -> Ports:

@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from timlab.diagram import Moment, Port, Signals
 
@@ -40,8 +40,8 @@ def where(condition: Array, yes: T, no: T) -> T:
     return jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)
 
 
-def reads(function: Callable[..., Any], *shapes: jax.ShapeDtypeStruct) -> list[bool]:
-    """Which of its arguments, of these shapes, a function uses: traced, it shows what it does not say."""
+def reads(function: Callable[..., Any], *shapes: PyTree[jax.ShapeDtypeStruct]) -> list[bool]:
+    """Which leaves of its arguments, of these shapes, a function uses: traced, it shows what it does not say."""
     traced = jax.make_jaxpr(function)(*shapes).jaxpr
     used = [variable for equation in traced.eqns for variable in equation.invars] + traced.outvars
     return [any(variable is argument for variable in used) for argument in traced.invars]
