@@ -101,7 +101,7 @@ def test_the_usual_help_fits_a_screen_and_names_the_rest(capsys):
     assert len(said.splitlines()) <= 50
     assert "--seeds" in said
     assert "--help-all" in said
-    assert "--task.reward-type, --agent.decay" in " ".join(said.split())
+    assert "--task.reward-type, --agent.kind, --agent.decay" in " ".join(said.split())
     assert "--task.penalty" not in said
     assert "--give-up-after" not in said
 

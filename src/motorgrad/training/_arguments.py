@@ -59,7 +59,7 @@ def check_training(
     task = task_named(task) if isinstance(task, str) else task
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
     known = agent is None or isinstance(agent, Learner | Mapping)
-    check(known, "agent", agent, "an Agent, a mapping of changes, or None for the task's own")
+    check(known, "agent", agent, "a Learner, a mapping of changes, or None for the task's own")
     if isinstance(initial, Policy):  # it is said first what has changed, then what no longer fits
         check_carries(task, initial, "initial")
     check(is_integer(seeds) or isinstance(seeds, Iterable), "seeds", seeds, "a number of seeds, or a list of them")

@@ -115,11 +115,12 @@ class Learner(Block):
     @property
     def inputs(self) -> Ports:
         flag = Port((), "bool", default=0.0)
-        usual = {} if self._reads_next_observation else {"default": 0.0}
+        unwired = None if self._reads_next_observation else 0.0
+        following = Port((self.observed,), default=unwired, help="before any reset; for learners of values")
         return {
             "observation": Port((self.observed,)),
             "reward": Port(),
-            "next_observation": Port((self.observed,), help="before any reset; for learners of values", **usual),
+            "next_observation": following,
             "terminated": flag,
             "truncated": flag,
             "valid": VALID,
