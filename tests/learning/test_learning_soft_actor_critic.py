@@ -15,8 +15,10 @@ import motorgrad as mg
 from motorgrad.learning import (
     ActionValueEnsemble,
     Adam,
+    ConjugateAscent,
     Drawn,
     EntropyTarget,
+    FisherMetric,
     Goal,
     Hindsight,
     Replay,
@@ -453,3 +455,15 @@ def test_seeds_learn_as_if_alone_but_for_rounding():
     both, alone = (mg.train(task, preset_for(task), 400, seeds, progress=False) for seeds in ([0, 1], [1]))
     for one, other in zip(jax.tree.leaves(both.policies), jax.tree.leaves(alone.policies), strict=True):
         np.testing.assert_allclose(one[1], other[0], rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"optimizer": ConjugateAscent()}, "optimizer = 'ConjugateAscent': must be one that makes a step"),
+        ({"transformations": (FisherMetric(),)}, r"transformations\.0 = 'FisherMetric': must be one that reads"),
+    ],
+)
+def test_transformations_that_would_have_no_effect_are_refused(changes, told):
+    with pytest.raises(ValueError, match=told):
+        SoftActorCritic(unit(), **changes)

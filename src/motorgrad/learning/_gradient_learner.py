@@ -1,12 +1,12 @@
 """What learners share whose policy follows a gradient."""
 
-import abc
 from typing import Any
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from motorgrad._errors import check
-from motorgrad.learning._chain import Chain, Optax, Optimizer, Transformation
+from motorgrad.learning._chain import Chain, Optax, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._learner import Learner
 from motorgrad.learning._schedules import Steps, changes
 from motorgrad.policies import Policy
@@ -15,12 +15,42 @@ from motorgrad.schema import Part, inner
 
 class GradientLearner(Learner):
     """A learner whose policy follows a gradient, by a chain of transformations. Its state has the fields `chain`, with
-    their states, and `steps`."""
+    their states, and `steps`. It may have a `metric`, which comes first."""
+
+    optimizer: eqx.AbstractVar[Optimizer]  # pyright: ignore[reportGeneralTypeIssues]
+    transformations: eqx.AbstractVar[tuple[Transformation, ...]]  # pyright: ignore[reportGeneralTypeIssues]
+    averaging: eqx.AbstractVar[PolyakAveraging | None]  # pyright: ignore[reportGeneralTypeIssues]
+
+    def validate(self) -> None:
+        super().validate()
+        for index, stage in enumerate(self.transformations):
+            check(isinstance(stage, Transformation), f"transformations.{index}", stage, "a Transformation, or optax's")
 
     @property
-    @abc.abstractmethod
+    def stages(self) -> dict[str, Transformation]:
+        """The gradient transformations by path, in their order."""
+        further = {f"transformations.{index}": stage for index, stage in enumerate(self.transformations)}
+        metric = getattr(self, "metric", None)
+        found = {"metric": metric, "optimizer": self.optimizer, **further, "averaging": self.averaging}
+        return {path: stage for path, stage in found.items() if stage is not None}
+
+    @property
     def chain(self) -> Chain:
-        """The gradient transformations, in their order."""
+        """The gradient transformations, one after the other."""
+        return Chain(tuple(self.stages.values()))
+
+    def check_takes_every_gradient(self, sees_decisions: bool) -> None:
+        """Refuse transformations that do not make a step of every gradient, such as a line search; and those that learn
+        from decisions, where they are shown none (`sees_decisions`)."""
+        name = type(self).__name__
+        for path, stage in self.stages.items():
+            kind = type(stage)
+            wanted = f"one that makes a step of every gradient, such as SGD or Adam, for {name}"
+            check(stage.steps_from == "any", path, kind.__name__, wanted)
+            methods = ("observe", "solve", "restart")
+            learns = any(getattr(kind, method) is not getattr(Transformation, method) for method in methods)
+            wanted = f"one that reads gradients alone, for {name}, which shows it no decisions"
+            check(sees_decisions or not learns, path, kind.__name__, wanted)
 
     def first_steps(self) -> Steps:
         """How many steps the parameters have made before the first decision; `None` where no part depends on it."""
@@ -66,16 +96,3 @@ def as_transformation(value: Any) -> Any:
     """A transformation; one of optax's is wrapped."""
     foreign = not isinstance(value, Part) and hasattr(value, "init") and hasattr(value, "update")
     return Optax(value) if foreign else value
-
-
-def check_transformations(stages: tuple[object, ...]) -> None:
-    """Refuse what is no transformation among the `transformations` of a learner."""
-    for index, stage in enumerate(stages):
-        check(isinstance(stage, Transformation), f"transformations.{index}", stage, "a Transformation, or optax's")
-
-
-def check_any_gradient(optimizer: Optimizer, learner: str) -> None:
-    """Refuse an optimizer that does not make a step of any gradient, for the class of a learner that gives several
-    from the same decisions."""
-    wanted = f"one that makes a step of every gradient, such as SGD or Adam, for {learner}"
-    check(optimizer.steps_from == "any", "optimizer", type(optimizer).__name__, wanted)

@@ -23,13 +23,11 @@ from jaxtyping import Array, Float, PyTree, UInt32
 from motorgrad._branching import Flag, Scalar, any_of, where
 from motorgrad._natural import Learnable, PolicyTable
 from motorgrad._running import RunningMean, add_observation, add_sample, running_mean
-from motorgrad.learning._chain import Adam, Chain, Optimizer, PolyakAveraging, Transformation, adam_scaling
+from motorgrad.learning._chain import Adam, Optimizer, PolyakAveraging, Transformation, adam_scaling
 from motorgrad.learning._critics import ValueNetwork, value_network
 from motorgrad.learning._gradient_learner import (
     GradientLearner,
     averaging_field,
-    check_any_gradient,
-    check_transformations,
     optimizer_field,
     transformations_field,
 )
@@ -224,14 +222,7 @@ class ActionValueGradient(GradientLearner):
 
     def validate(self) -> None:
         super().validate()
-        check_transformations(self.transformations)
-        check_any_gradient(self.optimizer, type(self).__name__)
-
-    @property
-    def chain(self) -> Chain:
-        """The gradient transformations, in their order."""
-        averaging = () if self.averaging is None else (self.averaging,)
-        return Chain((self.optimizer, *self.transformations, *averaging))
+        self.check_takes_every_gradient(sees_decisions=False)
 
     @property
     def needs(self) -> Needs:

@@ -19,12 +19,11 @@ from jaxtyping import Array, Float, Int, PyTree
 from motorgrad._branching import NEVER, Flag, any_of, where
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._chain import SGD, Chain, Optimizer, PolyakAveraging, Transformation
+from motorgrad.learning._chain import SGD, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._gradient_learner import (
     GradientLearner,
     averaging_field,
-    check_transformations,
     optimizer_field,
     transformations_field,
 )
@@ -114,12 +113,11 @@ class Agent(GradientLearner):
 
     def validate(self) -> None:
         super().validate()
-        check_transformations(self.transformations)
         every = self.estimator.update_every
         for name in ("growth", "averaging"):
             moves = getattr(self, name) is None or every != "never"
             check(moves, name, getattr(self, name), 'None where parameters never move, update_every = "never"')
-        for stage in self._stages().values():
+        for stage in self.stages.values():
             kind = type(stage).__name__
             wanted = f"1, at every decision, with {kind}; FisherMetric takes batches"
             if stage.steps_from == "batch":
@@ -134,19 +132,8 @@ class Agent(GradientLearner):
         check(whole, "averaging", self.averaging, "None where a policy grows")
 
     @property
-    def chain(self) -> Chain:
-        """The gradient transformations, in their order."""
-        return Chain(tuple(self._stages().values()))
-
-    def _stages(self) -> dict[str, Transformation]:
-        """The gradient transformations by path."""
-        further = {f"transformations.{index}": stage for index, stage in enumerate(self.transformations)}
-        found = {"metric": self.metric, "optimizer": self.optimizer, **further, "averaging": self.averaging}
-        return {path: stage for path, stage in found.items() if stage is not None}
-
-    @property
     def needs(self) -> Needs:
-        stages = self._stages()
+        stages = self.stages
         episodes = [f"estimator.{setting}" for setting in self.estimator.needs_episodes()]
         episodes += [f"{path}.{stage.needs_episodes}" for path, stage in stages.items() if stage.needs_episodes]
         single = [type(stage).__name__ for stage in stages.values() if stage.single_stream]

@@ -23,12 +23,10 @@ from motorgrad._natural import Learnable, PolicyTable, horizon
 from motorgrad.learning._advantages import Advantages
 from motorgrad.learning._baselines import Baseline, MeanReward
 from motorgrad.learning._batches import Batch
-from motorgrad.learning._chain import Adam, Chain, Optimizer, PolyakAveraging, Transformation
+from motorgrad.learning._chain import Adam, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._gradient_learner import (
     GradientLearner,
     averaging_field,
-    check_any_gradient,
-    check_transformations,
     optimizer_field,
     transformations_field,
 )
@@ -139,19 +137,12 @@ class ProximalPolicyOptimization(GradientLearner):
         reads = self.metric is None or (self.metric.reads_gradient and self.metric.steps_from == "any")
         words = f"one that reads a gradient, such as FisherMetric, for {name}"
         check(reads, "metric", type(self.metric).__name__, words)
-        check_transformations(self.transformations)
-        check_any_gradient(self.optimizer, name)
+        self.check_takes_every_gradient(sees_decisions=True)
 
     @property
     def advantages(self) -> Advantages:
         """The parts that make advantages of rewards."""
         return Advantages(self.baseline, self.reward_scaling, self.normalization)
-
-    @property
-    def chain(self) -> Chain:
-        """The gradient transformations, in their order."""
-        stages = (self.metric, self.optimizer, *self.transformations, self.averaging)
-        return Chain(tuple(stage for stage in stages if stage is not None))
 
     @property
     def needs(self) -> Needs:

@@ -20,12 +20,10 @@ from motorgrad._errors import check
 from motorgrad._goal import Goal
 from motorgrad._natural import Learnable, PolicyTable, horizon
 from motorgrad.learning._action_value_ensemble import ActionValueEnsemble, EnsembleState
-from motorgrad.learning._chain import Adam, Chain, Optimizer, PolyakAveraging, Transformation
+from motorgrad.learning._chain import Adam, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._gradient_learner import (
     GradientLearner,
     averaging_field,
-    check_any_gradient,
-    check_transformations,
     optimizer_field,
     transformations_field,
 )
@@ -149,14 +147,7 @@ class SoftActorCritic(GradientLearner):
         super().validate()
         both = self.entropy is not None and self.entropy_target is not None
         check(not both, "entropy", self.entropy, "None with an entropy_target, which learns it")
-        check_transformations(self.transformations)
-        check_any_gradient(self.optimizer, type(self).__name__)
-
-    @property
-    def chain(self) -> Chain:
-        """The gradient transformations, in their order."""
-        averaging = () if self.averaging is None else (self.averaging,)
-        return Chain((self.optimizer, *self.transformations, *averaging))
+        self.check_takes_every_gradient(sees_decisions=False)
 
     @property
     def needs(self) -> Needs:
