@@ -1,12 +1,16 @@
 """Any two parts of a learner work together, or are refused by name with what would fit; for every kind of learner."""
 
+import dataclasses
 import itertools
+import math
 import re
+from typing import Literal, get_args, get_origin
 
 import jax
 import jax.numpy as jnp
 import pytest
 
+from families import FAMILIES, compiled
 from motorgrad.learning import (
     Baseline,
     Centring,
@@ -21,7 +25,7 @@ from motorgrad.learning import (
     Trace,
     Transition,
 )
-from motorgrad.schema import PART_CLASSES
+from motorgrad.schema import PART_CLASSES, declared_by, default_of, fields_of, hints_of, options_of, parts_in
 from motorgrad.tasks import LinearRecruitment, ThreeState
 from motorgrad.training import agent_for
 
@@ -54,8 +58,8 @@ ANNEALED = {"kind": "annealed", "start": 0.1}
 ENTROPY = [{"entropy": 0.1}, {"entropy": ANNEALED}]
 SCALING = [{"reward_scaling": "reward-scaling"}]
 SQUASHED = {"policy": "graded-motoneurons"}
-# kind: (the task, settings of its policy, what there is to choose)
-KINDS = {
+# kind: (the task, settings of its policy, what there is to choose beyond its fields, or in place of one)
+BY_HAND = {
     "policy-gradient": (
         DISCRETE,
         {},
@@ -122,6 +126,66 @@ KINDS = {
         },
     ),
 }
+ELSEWHERE = ("policy", "transformations", "growth")  # these fields have tests of their own
+
+
+def numbers_in(declared, default):
+    """Two numbers that a field allows, an end of its range if it has one."""
+    low, high, open_low, open_high, _ = declared.range
+    if declared.range.whole:
+        return [low, min(high, max(low, default or low) + 1)]
+    inside = 0.5 * (low + high) if math.isfinite(low + high) else low + 0.5
+    ends = [(low, open_low), (high, open_high)]
+    return [inside, *(end for end, is_open in ends if math.isfinite(end) and not is_open)][:2]
+
+
+def plain_choices(field, hint):
+    """Values of a field that are no parts: both of a switch, all words, two numbers."""
+    words = [word for option in options_of(hint) if get_origin(option) is Literal for word in get_args(option)]
+    declared = declared_by(field)
+    return [
+        *((True, False) if hint is bool else ()),
+        *words,
+        *(numbers_in(declared, default_of(field)) if declared.range is not None else ()),
+    ]
+
+
+def parts_for(hint):
+    """Every registered part that a field of this type may hold, by name."""
+    allowed = parts_in(hint)
+    return {name: cls for kinds in PART_CLASSES.values() for name, cls in kinds.items() if issubclass(cls, allowed)}
+
+
+def choices_of(learner):
+    """What there is to choose for each field of a kind of learner: every registered part, or where there is but one the
+    settings within; otherwise its values."""
+    choices = {}
+    for name, field in fields_of(learner).items():
+        if name in ELSEWHERE:
+            continue
+        hint = hints_of(learner)[name]
+        parts = parts_for(hint)
+        found = [{name: value} for value in plain_choices(field, hint)]
+        if len(parts) == 1 and type(None) not in options_of(hint):
+            (cls,) = parts.values()
+            for inner, own in fields_of(cls).items():
+                found += [{f"{name}.{inner}": value} for value in plain_choices(own, hints_of(cls)[inner])]
+        else:
+            for kind, cls in parts.items():
+                missing = {place for place, own in fields_of(cls).items() if default_of(own) is dataclasses.MISSING}
+                found.append({name: {"kind": kind, **dict.fromkeys(missing, 0.5)}})
+        if found:
+            choices[name] = found
+    return choices
+
+
+def kind_with_choices(kind):
+    task, settings = compiled(kind)
+    by_hand = BY_HAND.get(kind, (task, settings, {}))
+    return (*by_hand[:2], {**choices_of(Learner.kinds()[kind]), **by_hand[2]})
+
+
+KINDS = {kind: kind_with_choices(kind) for kind in FAMILIES}
 PAIRS = [(kind, *pair) for kind, (*_, choices) in KINDS.items() for pair in itertools.combinations(choices, 2)]
 SHARE = {("proximal", "baseline", "metric"), ("policy-gradient", "optimizer", "averaging")}
 

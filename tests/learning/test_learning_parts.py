@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from compiled_learner import refreshed, started
 
+from families import compiled
 from motorgrad.learning import (
     ActionValueEnsemble,
     ActionValueGradient,
@@ -31,7 +32,6 @@ from motorgrad.learning import (
     Metric,
     Optimizer,
     PolyakAveraging,
-    ProximalPolicyOptimization,
     Replay,
     RewardScaling,
     RootMeanSquare,
@@ -59,7 +59,7 @@ from motorgrad.schema import (
 )
 from motorgrad.tasks import Composed, LinearRecruitment, ThreeState
 from motorgrad.tasks.terms import Follow, Observation, Quantity, Reset, Target
-from motorgrad.training import agent_from_table, agent_table, clear_programs, stepper_for
+from motorgrad.training import agent_for, agent_from_table, agent_table, clear_programs, stepper_for
 
 DECISIONS = 8
 BATCH = Estimator(update_every=2)
@@ -125,9 +125,8 @@ def made(cls):
     return cls(**{name: INITIAL["softmax"]() if name == "policy" else 0.5 for name in missing})
 
 
-def narrow(policy, values=None):
+def narrow(policy, values):
     """An action value gradient whose network is narrow: with wide ones, seeds side by side share some rounding."""
-    values = ActionValues() if values is None else values
     network = dataclasses.replace(values.network, hidden=(4,))
     return ActionValueGradient(policy, dataclasses.replace(values, network=network))
 
@@ -145,14 +144,16 @@ def agent_with(base, name):
     """A learner that has the part in its place, and a task for it."""
     cls = PART_CLASSES[base][name]
     recruitment = LinearRecruitment(units=3)
+    if base is Learner:
+        task, settings = compiled(name)
+        return task, agent_for(task, settings)
     if base in (Growth, Criterion, Visited):
         policy = INITIAL["growing"](units=3).bound(recruitment)
         field = {Growth: None, Criterion: "criterion", Visited: "placement"}[base]
         growth = made(cls) if field is None else Growth(**{field: made(cls)})
         return recruitment, Agent(policy, growth=growth)
-    if base is SpatialIndex or cls is SparseLearner:
-        index = made(cls) if base is SpatialIndex else SpatialIndex()
-        return recruitment, SparseLearner(INITIAL["gaussians"]().bound(recruitment), index=index)
+    if base is SpatialIndex:
+        return recruitment, SparseLearner(INITIAL["gaussians"]().bound(recruitment), index=made(cls))
     if base is FeatureMap:
         features = {"squares": True, "products": True, "nonlinear": 3}
         return ThreeState(), Agent(INITIAL["softmax"](features=features).bound(ThreeState()))
@@ -165,17 +166,12 @@ def agent_with(base, name):
     graded = INITIAL["graded-motoneurons"]().bound(recruitment)
     of_values = {
         ActionValues: lambda: narrow(graded, made(cls)),
-        ActionValueGradient: lambda: narrow(graded),
         ActionValueEnsemble: lambda: narrow_soft(graded, made(cls)),
         EntropyTarget: lambda: narrow_soft(graded, entropy_target=made(cls)),
         Replay: lambda: narrow_soft(graded, replay=made(cls)),
-        SoftActorCritic: lambda: narrow_soft(graded),
     }
     if cls in of_values:
         return recruitment, of_values[cls]()
-    if cls is ProximalPolicyOptimization:
-        policy = INITIAL["softmax"]().bound(ThreeState())
-        return ThreeState(), ProximalPolicyOptimization(policy, update_every=6, epochs=2, minibatches=2)
     inner = {
         Trace: lambda: {"estimator": Estimator(trace=made(cls))},
         Baseline: lambda: {"estimator": Estimator(baseline=made(cls))},
@@ -190,7 +186,6 @@ def agent_with(base, name):
         Optimizer: lambda: {"optimizer": made(cls), **({"estimator": BATCH} if cls is ConjugateAscent else {})},
         Metric: lambda: {"metric": made(cls)},
         PolyakAveraging: lambda: {"averaging": made(cls)},
-        Learner: dict,
     }[base]()
     task = ThreeState()
     agent = Agent(INITIAL["softmax"]().bound(task), **inner)

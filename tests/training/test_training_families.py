@@ -1,7 +1,6 @@
 """Every family of learners in runs: chosen by its kind, saved, resumed bit for bit, swept, recorded and refused."""
 
 import re
-from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -9,57 +8,17 @@ import pytest
 from training_examples import assert_differ, assert_same_run
 
 import motorgrad as mg
+from families import FAMILIES, learner_of, made, short_and_path, task_of
 from motorgrad.cli import main
-from motorgrad.learning import Learner
-from motorgrad.tasks import from_gymnasium
+from motorgrad.learning import Baseline, Learner
+from motorgrad.schema import parts_by_path
 from motorgrad.training import agent_for, agent_from_table, agent_table, changed, check_training, stepper_for
 
-SMALL = {"policy": {"kind": "bounded-hyperplanes", "network": "none"}, "values": {"network": {"hidden": [8]}}}
-CRITIC = {"kind": "critic", "fit": "td", "discount": 0.9}
-PENDULUM = "Pendulum-v1"
-
-
-class Family(NamedTuple):
-    """A task that suits a kind of learner, settings that make it small, a number by its `short` name and by its `path`,
-    and what keeps it from several environments, in words."""
-
-    task: str
-    changes: dict[str, Any]
-    short: str
-    path: str
-    single_stream: str | None
-
-
-FAMILIES = {
-    "action-value-gradient": Family(PENDULUM, SMALL, "discount", "values.discount", None),
-    "policy-gradient": Family("particle", {"update_every": 20}, "decay", "estimator.trace.decay", None),
-    "proximal": Family(
-        "particle",
-        {"baseline": CRITIC, "update_every": 20, "minibatches": 2, "epochs": 2},
-        "learning_rate",
-        "optimizer.learning_rate",
-        "batches used again by ProximalPolicyOptimization",
-    ),
-    "soft-actor-critic": Family(
-        PENDULUM,
-        {**SMALL, "update_every": 5, "replay": {"capacity": 64, "start": 10, "batch": 8}},
-        "discount",
-        "values.discount",
-        "the experience kept by SoftActorCritic",
-    ),
-    "sparse": Family(
-        "particle", {"index.neglect": 0.02}, "decay", "decay", "the task 'particle', whose world is compiled"
-    ),
+SINGLE_STREAM = {
+    "proximal": "batches used again by ProximalPolicyOptimization",
+    "soft-actor-critic": "the experience kept by SoftActorCritic",
+    "sparse": "the task 'particle', whose world is compiled",
 }
-
-
-def task_of(kind):
-    name = FAMILIES[kind].task
-    return from_gymnasium(name) if name == PENDULUM else mg.make(name)
-
-
-def learner_of(kind, **changes):
-    return agent_for(task_of(kind), {"kind": kind, **FAMILIES[kind].changes, **changes})
 
 
 def trained(kind, steps, out=None, **options):
@@ -93,30 +52,30 @@ def test_a_table_is_the_learner_again(kind):
 @pytest.mark.ci
 @pytest.mark.parametrize("kind", FAMILIES)
 def test_a_short_name_is_its_path_in_changes_and_in_sweeps(kind):
-    family = FAMILIES[kind]
-    assert learner_of(kind, **{family.short: 0.25}) == learner_of(kind, **{family.path: 0.25})
-    sweep = {family.short: [0.25, 0.5]}
+    short, path = short_and_path(kind)
+    assert learner_of(kind, **{short: 0.25}) == learner_of(kind, **{path: 0.25})
+    sweep = {short: [0.25, 0.5]}
     swept = mg.train(task_of(kind), learner_of(kind), 60, 2, sweep=sweep, window=20, progress=False)
-    assert swept.settings == [{family.path: 0.25}, {family.path: 0.5}]
-    alone = mg.train(task_of(kind), learner_of(kind, **{family.short: 0.5}), 60, 2, window=20, progress=False)
+    assert swept.settings == [{path: 0.25}, {path: 0.5}]
+    alone = mg.train(task_of(kind), learner_of(kind, **{short: 0.5}), 60, 2, window=20, progress=False)
     for mine, own in zip(*(jax.tree.leaves(run.policies) for run in (swept.split()[1], alone)), strict=True):
         np.testing.assert_allclose(mine, own, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("kind", FAMILIES)
 def test_a_change_by_short_name_takes_the_place_of_one_by_path(kind):
-    family = FAMILIES[kind]
-    assert changed({"kind": kind, family.path: 0.5}, {family.short: 0.25}) == {"kind": kind, family.short: 0.25}
-    assert changed({"kind": kind, family.short: 0.5}, {family.path: 0.25}) == {"kind": kind, family.path: 0.25}
+    short, path = short_and_path(kind)
+    assert changed({"kind": kind, path: 0.5}, {short: 0.25}) == {"kind": kind, short: 0.25}
+    assert changed({"kind": kind, short: 0.5}, {path: 0.25}) == {"kind": kind, path: 0.25}
 
 
 @pytest.mark.ci
 @pytest.mark.parametrize("kind", FAMILIES)
 def test_runs_have_what_their_learner_has(kind):
     """A baseline in the records and a critic only where there is one, a gradient only of the policy gradient."""
-    run = trained(kind, 30)  # after the batch of 20 there is half of another
+    run = trained(kind, 30)  # after seven batches of 4 there is half of another
     has_one = Learner.kinds()[kind].critic is not None
-    assert has_one == (kind in ("policy-gradient", "proximal", "sparse"))
+    assert has_one == any(isinstance(part, Baseline) for _, part in parts_by_path(learner_of(kind)))
     assert ("baseline" in run.metrics.column_names) == has_one
     assert bool(run.critic) == has_one
     assert (run.gradient is not None) == (kind == "policy-gradient")
@@ -128,17 +87,19 @@ def test_runs_have_what_their_learner_has(kind):
 @pytest.mark.ci
 @pytest.mark.parametrize("kind", FAMILIES)
 def test_several_environments_feed_a_learner_or_are_refused_by_name(kind):
-    family = FAMILIES[kind]
-    task = mg.make("hopper") if kind in ("policy-gradient", "proximal") else task_of(kind)
-    agent = agent_for(task, {"kind": kind, **family.changes})
-    if family.single_stream is None:
+    suited, settings = FAMILIES[kind]
+    task = made(suited.several)
+    policy = suited.policy if suited.several == suited.trained else {}
+    agent = agent_for(task, {"kind": kind, **policy, **settings})
+    single_stream = SINGLE_STREAM.get(kind, agent.needs.single_stream)
+    if single_stream is None:
         stepper = stepper_for(task, agent, [3, 8], threads=1, envs=3)
         before = stepper.policies()
         stepper.advance(120)
         assert_differ(stepper.policies(), before)
         assert len({tuple(row) for row in stepper.state["cycle"].observation[0].tolist()}) == 3
         return
-    with pytest.raises(ValueError, match=f"envs = 3: must be 1 for {family.single_stream}"):
+    with pytest.raises(ValueError, match=f"envs = 3: must be 1 for {single_stream}"):
         check_training(task, agent, 120, envs=3)
 
 
@@ -162,16 +123,17 @@ def test_a_setting_of_another_family_is_refused_with_what_is_known(kind, name, s
     with pytest.raises(ValueError, match=re.escape(said)):
         learner_of(kind, **{name: "none"})
     options = ["--agent.kind", kind, f"--agent.{name}", "none"]
-    assert main(["train", FAMILIES[kind].task, *options, "--steps", "10", "--check"]) == 2
+    assert main(["train", FAMILIES[kind].suited.trained, *options, "--steps", "10", "--check"]) == 2
     assert said in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("kind", FAMILIES)
 def test_the_command_line_switches_families_and_shows_the_options_of_each(kind, capsys, tmp_path):
-    family = FAMILIES[kind]
+    task = FAMILIES[kind].suited.trained
+    short, path = short_and_path(kind)
     kind_of_learner = Learner.kinds()[kind]
     with pytest.raises(SystemExit) as done:
-        main(["train", family.task, "--agent.kind", kind, "--help-all"])
+        main(["train", task, "--agent.kind", kind, "--help-all"])
     assert done.value.code == 0
     shown = capsys.readouterr().out
     listed = " ".join(shown.split())
@@ -181,19 +143,19 @@ def test_the_command_line_switches_families_and_shows_the_options_of_each(kind, 
     assert shown_names >= own
     others = {name for cls in Learner.kinds().values() for name in mg.schema.fields_of(cls)} - own - {"policy"}
     assert not shown_names & others
-    assert all(short.replace("_", "-") in listed for short in kind_of_learner.aliases)
+    assert all(name.replace("_", "-") in listed for name in kind_of_learner.aliases)
 
     table = tmp_path / "run.toml"
-    table.write_text(f'steps = 10\n[agent]\nkind = "{kind}"\n{family.short} = 0.25\n')
+    table.write_text(f'steps = 10\n[agent]\nkind = "{kind}"\n{short} = 0.25\n')
     found = []
-    line = ["--agent.kind", kind, f"--agent.{family.short.replace('_', '-')}", "0.25"]
+    line = ["--agent.kind", kind, f"--agent.{short.replace('_', '-')}", "0.25"]
     for words in (line, ["--config", str(table)]):
         with pytest.raises(SystemExit) as done:
-            main(["train", family.task, *words, "--steps", "10", "--check"])
+            main(["train", task, *words, "--steps", "10", "--check"])
         assert done.value.code == 0
         found.append(capsys.readouterr().out.partition("[agent]")[2])
     assert found[0] == found[1]
-    assert f"{family.path.rpartition('.')[2]} = 0.25" in found[0]
+    assert f"{path.rpartition('.')[2]} = 0.25" in found[0]
 
 
 @pytest.mark.ci

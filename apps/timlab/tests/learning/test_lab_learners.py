@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 
+import families
 import timlab
 from motorgrad import agent_for, learning, policies
 from motorgrad.schema import PART_CLASSES
@@ -72,15 +73,8 @@ LOST = 21
 TRUNCATED = 37
 TERMINATED = (12, 48)
 FAMILIES = {
-    "policy-gradient": {"baseline": {"kind": "critic", "fit": "td"}},
-    "proximal": {"kind": "proximal", "update_every": 16, "epochs": 2, "baseline": {"kind": "critic", "discount": 0.9}},
-    "action-value-gradient": {"kind": "action-value-gradient", "values": {"network": {"hidden": [8]}}},
-    "soft-actor-critic": {
-        "kind": "soft-actor-critic",
-        "update_every": 4,
-        "values": {"network": {"hidden": [8]}},
-        "replay": {"capacity": 50, "start": 20, "batch": 8},
-    },
+    **{kind: {"kind": kind, **family.settings} for kind, family in families.FAMILIES.items() if kind != "sparse"},
+    "online": {"baseline": {"kind": "critic", "fit": "td"}},
     "neighbours": {"kind": "neighbours"},
 }
 QUICK = ("proximal", "neighbours")
