@@ -180,9 +180,8 @@ def choices_of(learner):
 
 
 def kind_with_choices(kind):
-    task, settings = compiled(kind)
-    by_hand = BY_HAND.get(kind, (task, settings, {}))
-    return (*by_hand[:2], {**choices_of(Learner.kinds()[kind]), **by_hand[2]})
+    task, settings, own = BY_HAND.get(kind, (*compiled(kind), {}))
+    return task, settings, {**own, **choices_of(Learner.kinds()[kind]), **own}  # those by hand come first, and stay
 
 
 KINDS = {kind: kind_with_choices(kind) for kind in FAMILIES}
