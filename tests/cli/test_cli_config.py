@@ -321,7 +321,8 @@ def test_the_pages_files_are_in_order(capsys):
     files = re.findall(r"^```toml\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
     assert files
     for content in files:
-        assert checked(capsys, "train", "--config", write("page.toml", content))["task"]["name"] in ("hopper", "composed")
+        found = checked(capsys, "train", "--config", write("page.toml", content))
+        assert found["task"]["name"] in ("hopper", "composed")
 
 
 def test_the_pages_errors_are_what_is_said(capsys):
