@@ -2,11 +2,10 @@
 
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from motorgrad._errors import check
-from motorgrad.learning._chain import Chain, Optax, Optimizer, PolyakAveraging, Transformation
+from motorgrad.learning._chain import Chain, Optax, Optimizer, Transformation
 from motorgrad.learning._learner import Learner
 from motorgrad.learning._schedules import Steps, changes
 from motorgrad.policies import Policy
@@ -15,23 +14,22 @@ from motorgrad.schema import Part, inner
 
 class GradientLearner(Learner):
     """A learner whose policy follows a gradient, by a chain of transformations. Its state has the fields `chain`, with
-    their states, and `steps`. It may have a `metric`, which comes first."""
-
-    optimizer: eqx.AbstractVar[Optimizer]  # pyright: ignore[reportGeneralTypeIssues]
-    transformations: eqx.AbstractVar[tuple[Transformation, ...]]  # pyright: ignore[reportGeneralTypeIssues]
-    averaging: eqx.AbstractVar[PolyakAveraging | None]  # pyright: ignore[reportGeneralTypeIssues]
+    their states, and `steps`. The fields `optimizer`, `transformations` and `averaging` are those of each learner, in
+    the order of its arguments; it may have a `metric`, which comes first in the chain."""
 
     def validate(self) -> None:
         super().validate()
-        for index, stage in enumerate(self.transformations):
+        own: Any = self
+        for index, stage in enumerate(own.transformations):
             check(isinstance(stage, Transformation), f"transformations.{index}", stage, "a Transformation, or optax's")
 
     @property
     def stages(self) -> dict[str, Transformation]:
         """The gradient transformations by path, in their order."""
-        further = {f"transformations.{index}": stage for index, stage in enumerate(self.transformations)}
+        own: Any = self
+        further = {f"transformations.{index}": stage for index, stage in enumerate(own.transformations)}
         metric = getattr(self, "metric", None)
-        found = {"metric": metric, "optimizer": self.optimizer, **further, "averaging": self.averaging}
+        found = {"metric": metric, "optimizer": own.optimizer, **further, "averaging": own.averaging}
         return {path: stage for path, stage in found.items() if stage is not None}
 
     @property
