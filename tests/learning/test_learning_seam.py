@@ -28,6 +28,7 @@ from motorgrad.learning import (
     RootMeanSquare,
     SoftActorCritic,
     SparseLearner,
+    check_scores,
     count,
     number,
     register,
@@ -238,10 +239,10 @@ def needing(policy, **asks):
     [
         ({"continuous": True}, SOFTMAX, "policy = 'Softmax': must be one with real-valued actions"),
         ({"continuous": True}, bounded_hyperplanes(2, 2, density="beta"), "must be one whose actions JAX can differ"),
-        ({"memory": "none"}, Autoregressive(GRADED, 0.5), "must be one without hidden units or a memory for Needing"),
-        ({"memory": "none"}, finite_state_controller(2, 2), "must be one without hidden units or a memory for Needing"),
-        ({"memory": "noise"}, finite_state_controller(2, 2), "must be one without hidden units or a memory"),
-        ({"memory": "noise"}, Layered([hyperplanes(2, 2)], SOFTMAX), "must be one without hidden units or a memory"),
+        ({"memory": "none"}, Autoregressive(GRADED, 0.5), "and with no memory, for Needing"),
+        ({"memory": "none"}, finite_state_controller(2, 2), "and with no memory, for Needing"),
+        ({"memory": "noise"}, finite_state_controller(2, 2), "and with no memory but lasting noise, for N"),
+        ({"memory": "noise"}, Layered([hyperplanes(2, 2)], SOFTMAX), "and with no memory but lasting noise, for N"),
         ({"memory": "independent"}, recurrent(2, 1), "must be one whose memory does not depend on its parameters"),
         ({"score": True}, Autoregressive(GRADED, 0.5, filtered=False), "must be one with an exact score"),
         ({}, PrintedGaussians([[0.5, 0.5]], [[0.0, 0.0]]), "pair = 'printed': must be exact for Needing, which asks"),
@@ -249,8 +250,9 @@ def needing(policy, **asks):
     ],
 )
 def test_a_policy_that_lacks_what_is_needed_is_refused_by_name(asks, policy, said):
+    agent = needing(policy, **asks)
     with pytest.raises(ValueError, match=said):
-        eqx.filter_eval_shape(needing(policy, **asks).init, jax.random.key(0))
+        check_scores(agent, eqx.filter_eval_shape(agent.init, jax.random.key(0)).policy)
 
 
 @pytest.mark.parametrize(
@@ -390,3 +392,17 @@ def test_a_learner_of_ones_own_is_refused_by_the_name_of_its_settings(own):
         mg.agent_for("three-state", kind="test-own", rates=1.0)
     changed = build(Learner, {"kind": "test-own"}, "agent", Agent(SOFTMAX))  # another kind keeps the policy alone
     assert eqx.tree_equal(changed, Own(SOFTMAX))
+
+
+def test_a_setting_without_a_default_is_given_where_the_kind_is_named():
+    class Sized(Quiet):
+        size: int = count(help="how many")
+
+    register(Learner, "test-sized", Sized)
+    try:
+        made = agent_for("three-state", {"kind": "test-sized", "size": 3})
+        assert (made.size, type(made.policy).__name__) == (3, type(agent_for("three-state").policy).__name__)
+        with pytest.raises(ValueError, match=r"agent\.size: must be given"):
+            agent_for("three-state", kind="test-sized")
+    finally:
+        del PART_CLASSES[Learner]["test-sized"]

@@ -18,6 +18,7 @@ from motorgrad.learning import (
     Exponential,
     NetworkCritic,
     RewardScaling,
+    Transition,
     Window,
     entropy_gradient,
 )
@@ -34,6 +35,7 @@ from motorgrad.policies import (
 )
 from motorgrad.schema import kind_of
 from motorgrad.training import stepper_for
+from motorgrad.training.engines._frozen import Frozen
 
 LOOK = jnp.array([0.5, -1.0])
 POLICY_OF_UNITS = hyperplanes(2, 1)
@@ -122,8 +124,10 @@ def test_what_diverged_is_not_among_the_statistics(standardised):
 
 @pytest.mark.ci
 def test_a_frozen_policy_and_one_of_another_kind_keep_what_they_are(standardised):
-    state = started(standardised)
-    after, _ = standardised.choose(state, LOOK, jnp.array([0.3]))
+    frozen = Frozen(standardised, greedy=False)
+    state = frozen.init(jax.random.key(0))
+    after, action = frozen.act(state, LOOK, jnp.array([0.3]))
+    after = frozen.observe(after, Transition(LOOK, action, jnp.zeros(()), LOOK))
     assert after.policy is state.policy
     assert abilities.adapted(POLICY, LOOK) is POLICY
     plain = hyperplanes(2, 1, network=MultilayerPerceptron((3,), sparsity=0.0))(jax.random.key(0))

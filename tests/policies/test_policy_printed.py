@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from motorgrad.learning import Agent, ProximalPolicyOptimization, olgarb
+from motorgrad.learning import Agent, ProximalPolicyOptimization, check_scores, olgarb
 from motorgrad.policies import LocalGaussians, Masked, PrintedGaussians, abilities, tiles
 from motorgrad.policies._grow_and_prune import growing
 
@@ -74,7 +74,7 @@ def test_policies_can_be_laid_out_or_grown_with_the_printed_pair():
 def test_a_learner_that_asks_for_no_scores_is_refused():
     printed, exact = Masked(PrintedGaussians(CENTRE, LOG_WIDTH)), LocalGaussians(CENTRE, LOG_WIDTH)
     for agent in (Agent(printed, olgarb()), ProximalPolicyOptimization(exact, update_every=64)):
-        eqx.filter_eval_shape(agent.init, jax.random.key(0))
+        check_scores(agent, eqx.filter_eval_shape(agent.init, jax.random.key(0)).policy)
     refused = "pair = 'printed': must be exact for ProximalPolicyOptimization, which asks for no scores"
     with pytest.raises(ValueError, match=refused):
-        eqx.filter_eval_shape(ProximalPolicyOptimization(printed, update_every=64).init, jax.random.key(0))
+        check_scores(ProximalPolicyOptimization(printed, update_every=64), printed)

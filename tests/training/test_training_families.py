@@ -11,7 +11,7 @@ import motorgrad as mg
 from families import FAMILIES, learner_of, made, short_and_path, task_of
 from motorgrad.cli import main
 from motorgrad.learning import Baseline, Learner
-from motorgrad.schema import parts_by_path
+from motorgrad.schema import fields_of, parts_by_path
 from motorgrad.training import agent_for, agent_from_table, agent_table, changed, check_training, stepper_for
 
 SINGLE_STREAM = {
@@ -170,3 +170,16 @@ def test_a_rollout_has_the_value_of_the_learner(kind):
         wanted = (part["observation"] @ slope + level)[:-1]  # of the next reward, and of the last there is none
         assert np.ptp(wanted) > 0
         np.testing.assert_allclose(part["value"][:-1], wanted, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("kind", [kind for kind, cls in Learner.kinds().items() if "replay" in fields_of(cls)])
+def test_noise_that_is_not_filtered_is_learned_evaluated_and_rolled_out(kind):
+    """Its score is not exact, which does not matter where nothing learns from scores."""
+    policy = {"kind": "bounded-hyperplanes", "network": "none", "autocorrelation": 0.5, "filtered": False}
+    task = task_of(kind)
+    run = mg.train(task, learner_of(kind, policy=policy), 60, 1, progress=False)
+    assert np.isfinite(mg.evaluate(run, steps=20).reward).all()
+    assert np.isfinite(mg.rollout(run, steps=10)["reward"]).any()
+    with pytest.raises(ValueError, match="must be one with an exact score"):
+        agent_for(task, policy=policy)

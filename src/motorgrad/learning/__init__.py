@@ -1,6 +1,6 @@
 """Learners: traces, baselines and critics, estimators, optimizers and metrics, and the agent that they make up."""
 
-from motorgrad._branching import NEVER, where, where_any
+from motorgrad._branching import NEVER, any_of, where, where_any
 from motorgrad._goal import Goal
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad.learning import algorithms as _algorithms
@@ -28,19 +28,34 @@ from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares,
 from motorgrad.learning._critics import Critic, CriticState, Features, LinearCritic, NetworkCritic
 from motorgrad.learning._estimator import Estimator, EstimatorState, entropy_gradient
 from motorgrad.learning._fitted_values import FittedReturns
+from motorgrad.learning._gradient_learner import (
+    GradientLearner,
+    averaging_field,
+    optimizer_field,
+    transformations_field,
+)
+from motorgrad.learning._gradients import gradient_of
 from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
 from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
 from motorgrad.learning._learned_trace import LearnedTrace
-from motorgrad.learning._learner import Decision, Learner, Needs, Transition, first_decision, with_decision
+from motorgrad.learning._learner import (
+    Decision,
+    Learner,
+    Needs,
+    Transition,
+    check_scores,
+    first_decision,
+    with_decision,
+)
 from motorgrad.learning._named_estimators import actor_critic, gae, gpomdp, olgarb, olpomdp
 from motorgrad.learning._natural import FisherMetric, LimitedMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural, RegressionMetric
 from motorgrad.learning._optimal_baselines import EligibilityBaseline, OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
 from motorgrad.learning._registry import register
-from motorgrad.learning._replay import Drawn, Experience, Hindsight, Replay
+from motorgrad.learning._replay import Drawn, Experience, Hindsight, Replay, update_from_replay
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
-from motorgrad.learning._schedules import Annealed
+from motorgrad.learning._schedules import Annealed, at
 from motorgrad.learning._stationary_metric import StationaryMetric
 from motorgrad.learning._swift import SwiftTemporalDifference
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
@@ -48,11 +63,11 @@ from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.algorithms import *  # noqa: F403
 from motorgrad.learning.algorithms._action_value_gradient import ActionValues
 from motorgrad.learning.algorithms._policy_gradient import AgentState
-from motorgrad.learning.algorithms._presets import PRESETS
+from motorgrad.learning.algorithms._presets import PRESETS, preset
 from motorgrad.learning.algorithms._soft_actor_critic import EntropyState, EntropyTarget
 from motorgrad.learning.growth import Clock, Criterion, Growth, GrowthState, Plateau, Visited
 from motorgrad.learning.sparse import IndexState, SparseLearner, SparseState, SpatialIndex
-from motorgrad.schema import Part, count, number, static
+from motorgrad.schema import Part, count, inner, number, static
 
 __all__ = [
     "NEVER",
@@ -99,6 +114,7 @@ __all__ = [
     "FittedReturns",
     "FixedStep",
     "Goal",
+    "GradientLearner",
     "Growth",
     "GrowthState",
     "Hindsight",
@@ -153,18 +169,28 @@ __all__ = [
     "Window",
     "actor_critic",
     "add_sample",
+    "any_of",
+    "at",
+    "averaging_field",
+    "check_scores",
     "count",
     "entropy_gradient",
     "first_decision",
     "gae",
     "gpomdp",
+    "gradient_of",
+    "inner",
     "number",
     "olgarb",
     "olpomdp",
+    "optimizer_field",
+    "preset",
     "register",
     "running_mean",
     "static",
+    "transformations_field",
     "two_sum",
+    "update_from_replay",
     "where",
     "where_any",
     "with_decision",

@@ -114,7 +114,8 @@ class Learner(Part):
     a tree that holds arrays, because it cannot hash them.
 
     A state is a `NamedTuple` of arrays, or of trees of arrays. It has the field `policy`, the policy that acts now. A
-    learner of policies with a memory keeps it in a field `memory`.
+    learner of policies with a memory keeps it in a field `memory`, and what they saw and drew in a field `decision`
+    (`first_decision`, `with_decision`).
 
     A learner of your own is registered by name (`motorgrad.learning.register`). Options, TOML files, sweeps, saved
     runs, TimSim and evaluations then know it; see the page "Write your own learner".
@@ -167,7 +168,7 @@ class Learner(Part):
 
     @property
     def needs(self) -> Needs:
-        """What it needs of a task and of a policy; by default nothing."""
+        """What it needs of a task and of a policy; by default nothing, and no scores."""
         return Needs()
 
     def readings(self, state: Any) -> dict[str, Array]:
@@ -228,28 +229,32 @@ PART_CLASSES[Learner] = {}
 
 
 def _check_policy(learner: Learner, policy: Policy) -> None:
-    """Refuse a policy that lacks what a learner needs of it."""
+    """Refuse a policy that lacks what a learner needs of it to act."""
     needs = learner.needs
     kind = type(policy).__name__
     name = type(learner).__name__
-    plain = needs.memory not in ("noise", "none") or not abilities.has_hidden_units(policy)
-    if needs.memory == "noise":
-        plain = plain and not abilities.has_memory(abilities.marginal(policy))
-    elif needs.memory == "none":
-        plain = plain and not abilities.has_memory(policy)
+    wanted = f"one with real-valued actions, such as BoundedHyperplanes, for {name}"
+    check(policy.actions == "continuous" or not needs.continuous, "policy", kind, wanted)
+    if needs.memory == "independent":
+        wanted = f"one whose memory does not depend on its parameters, for {name}"
+        check(not abilities.remembers_parameters(policy), "policy", kind, wanted)
+    elif needs.memory != "any":
+        lasting = needs.memory == "noise"
+        wanted = f"one without hidden units, and with no memory{' but lasting noise' if lasting else ''}, for {name}"
+        plain = abilities.marginal(policy) if lasting else policy
+        check(not (abilities.has_hidden_units(policy) or abilities.has_memory(plain)), "policy", kind, wanted)
     if needs.continuous:
-        memory = "no memory but lasting noise" if needs.memory == "noise" else "no memory"
-        wanted = f"one with real-valued actions, such as BoundedHyperplanes, and {memory}, for {name}"
-        check(plain and policy.actions == "continuous", "policy", kind, wanted)
         _check_differentiable(abilities.marginal(policy), kind)
-    else:
-        check(plain, "policy", kind, f"one without hidden units or a memory for {name}")
-    wanted = f"one whose memory does not depend on its parameters, for {name}"
-    check(needs.memory != "independent" or not abilities.remembers_parameters(policy), "policy", kind, wanted)
+
+
+def check_scores(learner: Learner, policy: Policy) -> None:
+    """Refuse a policy whose scores are not what a learner learns from: inexact ones for a learner by scores, and those
+    of the printed pair for one without. A policy that only acts may have any."""
     wanted = "one with an exact score; with filtered = False, learn by SoftActorCritic"
-    check(abilities.has_exact_score(policy) or not needs.score, "policy", kind, wanted)
-    printed = not needs.score and any(map(_is_printed, jax.tree.leaves(policy, is_leaf=_is_printed)))
-    check(not printed, "pair", "printed", f"exact for {name}, which asks for no scores")
+    exact = abilities.has_exact_score(policy) or not learner.needs.score
+    check(exact, "policy", type(policy).__name__, wanted)
+    printed = not learner.needs.score and any(map(_is_printed, jax.tree.leaves(policy, is_leaf=_is_printed)))
+    check(not printed, "pair", "printed", f"exact for {type(learner).__name__}, which asks for no scores")
 
 
 def _is_printed(part: object) -> bool:

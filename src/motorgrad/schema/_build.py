@@ -60,12 +60,20 @@ def build(cls: type[T], values: Any, where: str = "", base: T | None = None) -> 
 class _Table:
     """A table of settings on its way to an instance of a class."""
 
-    def __init__(self, cls: type, settings: Mapping[str, Any], where: str, base: object = None):
+    def __init__(
+        self,
+        cls: type,
+        settings: Mapping[str, Any],
+        where: str,
+        base: object = None,
+        shared: Mapping[str, Any] | None = None,
+    ):
         self.cls: Any = cls
         self.settings = settings
         self.where = where
         self.base: Any = None if any(name in settings for name in getattr(cls, "restarts", ())) else base
-        self.given: dict[str, Any] = {}
+        self.given: dict[str, Any] = dict(shared or {})
+        self.shared = shared or {}
         self.inner: list[tuple[str, _Table]] = []
         self.made: Any = None
 
@@ -79,7 +87,7 @@ class _Table:
                 kind = f"setting of {self.where or self.cls.__name__.lower()}"
                 raise unknown(kind, name, known, deeper(self.cls, name, self.base))
             default = default_of(fields[name]) if self.base is None else getattr(self.base, name)
-            yield name, hints[name], value, _place(self.where, name), default
+            yield name, hints[name], value, _place(self.where, name), self.shared.get(name, default)
 
     def check_complete(self) -> None:
         """Refuse a table without a setting that must be given."""
@@ -223,9 +231,8 @@ def _described(hint: Any, value: Any, where: str, default: object) -> _Table | N
     else:
         cls = known[name]
     if base is not None and type(base) is not cls:
-        # a learner of another kind keeps the policy
-        shared = getattr(cls, "settings_from", None)
-        base = None if shared is None else cls(**shared(base))
+        settings_from = getattr(cls, "settings_from", None)  # a learner of another kind keeps the policy
+        return _Table(cls, settings, where, None, None if settings_from is None else settings_from(base))
     return _Table(cls, settings, where, base)
 
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from motorgrad import policies
 from motorgrad._errors import check, choice, unknown
 from motorgrad._natural import STEPS
-from motorgrad.learning import PRESETS, Agent, Estimator, Learner, Optax
+from motorgrad.learning import PRESETS, Agent, Estimator, Learner, Optax, check_scores
 from motorgrad.policies import InitialPolicy
 from motorgrad.schema import PART_CLASSES, Words, build, check_rounded, full_path, kind_of, parts_by_path, table
 from motorgrad.tasks import Gymnasium, Task
@@ -81,7 +81,8 @@ def agent_for(
         needed = f"set, such as {value!r}, for the policy {kind!r}"
         check(getattr(agent, name, None) is not None, f"agent.{name}", None, needed)
     try:
-        jax.eval_shape(agent.init, jax.random.key(0))  # refuses parts that do not fit the policy
+        start = jax.eval_shape(agent.init, jax.random.key(0))  # refuses parts that do not fit the policy
+        check_scores(agent, start.policy)
     except ValueError as error:
         advice = task.of_many_numbers if isinstance(task, Gymnasium) else ""
         raise ValueError(f"{error}; {advice}" if advice else str(error)) from None

@@ -9,7 +9,7 @@ import numpy as np
 from jax.tree_util import KeyPath
 
 from motorgrad._errors import check, is_integer
-from motorgrad.learning import Learner, SparseLearner
+from motorgrad.learning import Learner, SparseLearner, check_scores
 from motorgrad.policies import Policy, trainable, with_interface
 from motorgrad.schema import check_rounded, path_of
 from motorgrad.tasks import Gymnasium, HostTask, Task
@@ -85,6 +85,7 @@ def check_training(
     check(compiled, "task", task.name, "a task in a JAX world for a sparse agent")
     policy = jax.eval_shape(learner.init, jax.random.key(0)).policy
     validate(task, policy)
+    check_scores(learner, policy)
     validate_needs(task, check_rounded(learner, learner.precision))
     own = None if initial is None else check_initial(initial, policy, len(chosen))
     settings = [] if sweep is None else sweep_settings(sweep, task, learner)

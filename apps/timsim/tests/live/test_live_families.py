@@ -70,17 +70,18 @@ def neighbours():
 
 
 FAMILIES = {
-    # of a sparse learner, a page shows the policy as it was last published, which need not be the newest
-    **{kind: families.compiled(kind)[1] for kind in families.FAMILIES if kind != "sparse"},
+    **{kind: families.compiled(kind)[1] for kind in families.FAMILIES},
     "neighbours": {"kind": "neighbours"},
 }
 QUICK = ("proximal", "neighbours")
-DIFFERENT = pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.ci) for name in FAMILIES]
-)
 
 
-@DIFFERENT
+def of(names):
+    marked = [pytest.param(name, marks=() if name in QUICK else pytest.mark.ci) for name in names]
+    return pytest.mark.parametrize("name", marked)
+
+
+@of(FAMILIES)
 def test_it_is_shown_and_learns_what_an_unwatched_one_does(name, driven, neighbours):
     task = mg.make("linear-recruitment")
     agent = agent_for(task, FAMILIES[name])
@@ -98,7 +99,7 @@ def test_it_is_shown_and_learns_what_an_unwatched_one_does(name, driven, neighbo
     assert np.isfinite(seen["gradient_norm"][0]) == ("optimizer" in fields_of(learning.Learner.kinds()[name]))
 
 
-@DIFFERENT
+@of(name for name in FAMILIES if name != "sparse")  # which is refused by name
 def test_it_is_frozen_compared_and_taken_back(name, driven, neighbours, tmp_path):
     watched = driven(live.setup_of("linear-recruitment", FAMILIES[name], seed=3))
     subject = watched.worker.subject

@@ -291,7 +291,7 @@ register(Learner, "action-value-gradient", ActionValueGradient)
 
 @preset("avg")
 def avg(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
-    r"""Action value gradient (Vasan et al., 2024): climbs the learned value of an action, through the action.
+    r"""Action value gradient (Vasan et al., 2024): follows the learned value of an action, through the action.
 
     For tasks with real-valued actions. Policy and action values have two hidden layers of 256 leaky rectifiers each,
     whose last output has length 1, and see inputs relative to their running mean and deviation. Both learn from every

@@ -39,7 +39,7 @@ def natural(task: Learnable, steps: int, policy: PolicyTable | None = None) -> d
     - `steps` (decisions): length of the training, per seed.
     - `changes`, `more`: settings to be changed, by path, by short name or as parts, as in `agent_for`.
 
-    **Returns** an `Agent`.
+    **Returns** a `Learner`.
 
     **Raises:** `ValueError` as `agent_for`.
 

@@ -281,7 +281,7 @@ def sac(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[
 
     There is no entropy bonus. The deviation of a squashed number starts at 0.5 and shrinks to 0.3 at most; noise has
     the autocorrelation $1 - 15/h$, at least 0. Averaging begins with the last eighth of the `steps`. On a task with
-    `hindsight`, such as `compose` and `myosuite` make with `scaling="none"`, a third of the drawn decisions get the
+    a `goal`, such as `compose` and `myosuite` make with `scaling="none"`, a third of the drawn decisions get the
     place that was reached some $h$ decisions later as their target (Andrychowicz et al., 2017), and a third the target
     of another episode.
 

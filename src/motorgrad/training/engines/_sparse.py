@@ -1,5 +1,6 @@
 """The engine for a sparse learner, which stops now and then to make a table outside compiled code."""
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import jax
@@ -11,6 +12,7 @@ from motorgrad._random import BLOCK, block_at, draw_places
 from motorgrad.learning import Learner, SparseLearner, SparseState
 from motorgrad.policies import Policy
 from motorgrad.training.engines._cycle import CycleState
+from motorgrad.training.engines._stepper import View
 from motorgrad.training.engines._world import Carry, WorldProgram, WorldStepper
 
 LAST: Any = -1
@@ -81,6 +83,10 @@ class SparseStepper(WorldStepper):
         agent = state["cycle"].agent
         index = agent.index._replace(table=agent.index.table[..., :0])
         return {**state, "cycle": state["cycle"]._replace(agent=agent._replace(index=index))}
+
+    def viewer(self, view: View) -> Callable[[], PyTree[np.ndarray]]:
+        publish = _sparse(self.agent).publish
+        return super().viewer(lambda cycle, state: view(cycle._replace(agent=publish(cycle.agent)), state))
 
     def set_policies(self, policies: Policy, memory: PyTree = None) -> None:
         super().set_policies(policies, memory)

@@ -14,9 +14,9 @@ from jaxtyping import Array, Float, PyTree
 from motorgrad._errors import check, unknown
 from motorgrad._interface import Statistics
 from motorgrad._random import key_of
-from motorgrad.learning import Learner
+from motorgrad.learning import Learner, check_scores
 from motorgrad.policies import Policy, trainable
-from motorgrad.schema import declared_at, with_number
+from motorgrad.schema import check_rounded, declared_at, with_number
 from motorgrad.tasks import Task
 from motorgrad.training.engines._cycle import Cycle, CycleState, Mode
 
@@ -106,6 +106,7 @@ class Stepper(abc.ABC):
         validate(task, self.policy)
         if mode == "learn":
             validate_needs(task, agent)
+            check_scores(agent, self.policy)
         if initial is None and isinstance(agent.policy, Policy):
             initial = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(self.seeds), *leaf.shape)), agent.policy)
         if initial is not None:
@@ -126,7 +127,8 @@ class Stepper(abc.ABC):
             if path not in order.paths:
                 raise unknown("number", path, order.paths)
             for value in np.unique(np.asarray(values)):
-                validate_needs(self.task, with_number(self.agent, path, float(value)))
+                changed = with_number(self.agent, path, float(value))
+                validate_needs(self.task, check_rounded(changed, changed.precision))
             rows[:, order.places[path]] = values
         return rows
 
@@ -175,7 +177,7 @@ class Stepper(abc.ABC):
         agent = with_number(self.agent, path, value)
         if not declared_at(self.agent, path).live:
             raise ValueError(f"{path} is used only at the start of a run; start a new run to change it")
-        validate_needs(self.task, agent)
+        validate_needs(self.task, check_rounded(agent, agent.precision))
         self.agent = agent
         self._put_number(places[path], value)
 
