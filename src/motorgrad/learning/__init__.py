@@ -53,7 +53,8 @@ from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquares
 from motorgrad.learning._optimal_baselines import EligibilityBaseline, OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
 from motorgrad.learning._registry import register
-from motorgrad.learning._replay import Drawn, Experience, Hindsight, Replay, update_from_replay
+from motorgrad.learning._replay import Drawn, Experience, Hindsight, Replay
+from motorgrad.learning._replay_learner import ReplayLearner
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed, at
 from motorgrad.learning._stationary_metric import StationaryMetric
@@ -145,6 +146,7 @@ __all__ = [
     "PolyakAveraging",
     "RegressionMetric",
     "Replay",
+    "ReplayLearner",
     "RewardScaling",
     "RootMeanSquare",
     "RunningMean",
@@ -190,7 +192,6 @@ __all__ = [
     "static",
     "transformations_field",
     "two_sum",
-    "update_from_replay",
     "where",
     "where_any",
     "with_decision",

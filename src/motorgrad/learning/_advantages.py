@@ -35,11 +35,9 @@ class Advantages(NamedTuple):
 
     def observe(self, state: S, observation: Float[Array, " inputs"]) -> S:
         """The state once an action is chosen on an observation."""
-        return (
-            state
-            if self.baseline is None
-            else state._replace(baseline=self.baseline.observe(state.baseline, observation))
-        )
+        if self.baseline is None:
+            return state
+        return state._replace(baseline=self.baseline.observe(state.baseline, observation))
 
     def update(self, state: S, policy: Policy, transition: Transition) -> tuple[Advantage, S]:
         """The advantage of a transition, and the state after it. One that diverged changes nothing learned."""

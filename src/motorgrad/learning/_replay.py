@@ -8,13 +8,13 @@ one of them been the target, the decisions would have been good ones. *Hindsight
 2017): the movement stays, and errors and rewards are those for the place that was reached.
 """
 
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
-from motorgrad._branching import Flag, where, where_any
+from motorgrad._branching import Flag, where
 from motorgrad._errors import check
 from motorgrad._goal import Goal
 from motorgrad.schema import Part, count, inner, number
@@ -222,41 +222,3 @@ class Replay(Part):
         """The experience after it was used: the next draws differ."""
         key = jax.random.fold_in(jax.random.wrap_key_data(kept.key), 1)
         return kept._replace(key=jax.random.key_data(key))
-
-
-S = TypeVar("S", bound=Any)
-"""The state of a learner, whose field `experience` has what is kept."""
-
-
-def update_from_replay(learner: Any, state: S, due: Flag, goal: Goal | None) -> S:
-    """The state of a learner after the steps of `learner.replay.updates` batches, where they are `due` and there is
-    enough experience.
-
-    **Arguments:** the `learner`, with a `replay` and a function `update_from_batch(state, batch, key)`, which makes the
-    steps of one batch; its `state`; whether they are `due`; the `goal` of the task, for hindsight.
-    """
-    replay: Replay = learner.replay
-    experience: Experience = state.experience
-    numbers, structure = jax.tree.flatten(learner.hyperparameters)
-
-    # Mapped over seeds, a product of matrices has one more axis, for which XLA's is several times as slow.
-    @jax.custom_batching.sequential_vmap
-    def steps(numbers: list[Any], state: S, drawn: tuple[Drawn, Array]) -> S:
-        agent = structure.unflatten(numbers)
-
-        def step(state: S, each: tuple[Drawn, Array]) -> tuple[S, None]:
-            batch, words = each
-            return agent.update_from_batch(state, batch, jax.random.wrap_key_data(words)), None
-
-        return jax.lax.scan(step, state, drawn)[0]
-
-    def learn(state: S) -> S:
-        # The barrier keeps the compiler from working ahead of the loop in `where_any`.
-        state, kept = jax.lax.optimization_barrier((state, experience))
-        keys = jax.random.split(jax.random.wrap_key_data(kept.key), (replay.updates, 2))
-        batches = jax.vmap(lambda key: replay.draw(kept, key, goal))(keys[:, 0])
-        return steps(numbers, state, (batches, jax.random.key_data(keys[:, 1])))
-
-    # The loop does not carry the experience: mapped over seeds, it would copy it.
-    moved = where_any(jnp.logical_and(due, replay.ready(experience)), learn, state._replace(experience=None))
-    return moved._replace(experience=where(due, replay.renewed(experience), experience))

@@ -1,7 +1,5 @@
 """Whole learners of every family as one block, which learns what the same learner does that is driven by hand."""
 
-from typing import Any, NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -12,60 +10,14 @@ from jax.flatten_util import ravel_pytree
 import families
 import timlab
 from motorgrad import agent_for, learning, policies
-from motorgrad.schema import PART_CLASSES
+from neighbours import registered
 from timlab.blocks.learning._units import Sizes, key_from
-
-
-class TriedState(NamedTuple):
-    policy: Any
-    best: Any
-    record: Any
-    total: Any
-    made: Any
-    key: Any
-
-
-class Neighbours(learning.Learner):
-    """Tries neighbours of the best parameters so far: a stranger's learner, of the five functions alone."""
-
-    trial: int = learning.count(5, 1, 1000, unit="decisions", help="length of a trial")
-    spread: float = learning.number(0.3, 0, help="deviation of the parameters that are tried")
-
-    def init(self, key):
-        policy = self.first_policy(key)
-        zero = jnp.zeros(())
-        words = jax.random.key_data(key)
-        return TriedState(policy, policies.trainable(policy), zero - jnp.inf, zero, jnp.zeros((), jnp.int32), words)
-
-    def act(self, state, observation, uniforms):
-        return state, state.policy.sample(observation, uniforms)
-
-    def observe(self, state, transition):
-        lost = jnp.asarray(transition.diverged)
-        reward = jnp.where(lost, 0, transition.reward)
-        return state._replace(total=state.total + reward, made=state.made + jnp.where(lost, 0, 1))
-
-    def update(self, state):
-        tried, fixed = policies.split(state.policy)
-        better = state.total > state.record
-        best = jax.tree.map(lambda new, old: jnp.where(better, new, old), tried, state.best)
-        key = jax.random.fold_in(jax.random.wrap_key_data(state.key), 1)
-        numbers, unravel = ravel_pytree(best)
-        tried = unravel(numbers + self.spread * jax.random.normal(key, numbers.shape))
-        record = jnp.maximum(state.total, state.record)
-        words = jax.random.key_data(key)
-        after = TriedState(eqx.combine(tried, fixed), best, record, jnp.zeros(()), jnp.zeros_like(state.made), words)
-        return jax.tree.map(lambda new, old: jnp.where(state.made >= self.trial, new, old), after, state)
-
-    def decisions_until_due(self, state):
-        return self.trial - 1 - state.made
 
 
 @pytest.fixture
 def neighbours():
-    learning.register(learning.Learner, "neighbours", Neighbours)
-    yield
-    del PART_CLASSES[learning.Learner]["neighbours"]
+    with registered():
+        yield
 
 
 TICKS = 60

@@ -5,9 +5,8 @@ batches of them, many times. $Q(y, a)$ may be learned from whatever a policy did
 for several decisions (`Autoregressive`), and targets may be relabelled (`Hindsight`).
 """
 
-from collections.abc import Mapping
 from functools import partial
-from typing import Any, ClassVar, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -15,26 +14,19 @@ import optax
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, Int, PyTree
 
-from motorgrad._branching import Scalar, any_of, where
+from motorgrad._branching import Scalar
 from motorgrad._errors import check
-from motorgrad._goal import Goal
 from motorgrad._natural import Learnable, PolicyTable, horizon
-from motorgrad.learning._action_value_ensemble import ActionValueEnsemble, EnsembleState
-from motorgrad.learning._chain import Adam, Optimizer, PolyakAveraging, Transformation
-from motorgrad.learning._gradient_learner import (
-    GradientLearner,
-    averaging_field,
-    optimizer_field,
-    transformations_field,
-)
+from motorgrad.learning._action_value_ensemble import EnsembleState
 from motorgrad.learning._gradients import gradient_of
-from motorgrad.learning._learner import Decision, Learner, Needs, Transition, first_decision, with_decision
-from motorgrad.learning._replay import Drawn, Experience, Replay, update_from_replay
-from motorgrad.learning._scaling import RewardScaling, ScalingState
+from motorgrad.learning._learner import Decision, Learner
+from motorgrad.learning._replay import Drawn, Experience
+from motorgrad.learning._replay_learner import ReplayLearner
+from motorgrad.learning._scaling import ScalingState
 from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.learning.algorithms._presets import behind_layers, preset
 from motorgrad.policies import Policy, abilities, trainable
-from motorgrad.schema import Part, count, inner, number, register
+from motorgrad.schema import Part, inner, number, register
 
 
 class EntropyState(NamedTuple):
@@ -95,7 +87,7 @@ class SoftActorCriticState(NamedTuple):
     decision: Decision | None = None
 
 
-class SoftActorCritic(GradientLearner):
+class SoftActorCritic(ReplayLearner):
     r"""Soft actor-critic (Haarnoja et al., 2018): the policy follows the value of its actions, at decisions from the
     past.
 
@@ -122,104 +114,27 @@ class SoftActorCritic(GradientLearner):
     ```
     """
 
-    aliases: ClassVar[Mapping[str, str]] = {
-        "units": "policy.units",
-        "discount": "values.discount",
-        "learning_rate": "optimizer.learning_rate",
-        "weight_decay": "optimizer.weight_decay",
-    }
-
-    values: ActionValueEnsemble = inner(ActionValueEnsemble(), help="the values of actions, and how they are learned")
-    replay: Replay = inner(Replay(), help="how much experience is kept, and how often it is used")
-    update_every: int = count(1, 1, unit="decisions", help="how many are kept from one use of the replay to the next")
     entropy: float | Annealed | None = number(
         None, 0, help=r"none, or $\alpha$, what a nat of entropy is worth in scaled reward"
     )
     entropy_target: EntropyTarget | None = inner(
         None, help=r"none, or the entropy for which $\alpha$ is learned, in place of `entropy`"
     )
-    reward_scaling: RewardScaling | None = inner(None, help="none, or `RewardScaling` of the rewards that are drawn")
-    optimizer: Optimizer = optimizer_field(Adam(5e-4))
-    transformations: tuple[Transformation, ...] = transformations_field()
-    averaging: PolyakAveraging | None = averaging_field()
 
     def validate(self) -> None:
         super().validate()
         both = self.entropy is not None and self.entropy_target is not None
         check(not both, "entropy", self.entropy, "None with an entropy_target, which learns it")
-        self.check_takes_every_gradient(sees_decisions=False)
-
-    @property
-    def needs(self) -> Needs:
-        goal = None if self.replay.hindsight is None else "replay.hindsight"
-        kept = f"the experience kept by {type(self).__name__}"
-        return Needs(goal=goal, single_stream=kept, continuous=True, memory="noise")
 
     def init(self, key: jax.Array) -> SoftActorCriticState:
         policy = self.first_policy(key)
-        own = jax.random.fold_in(key, 2)
         dtype = jax.tree.leaves(trainable(policy))[0].dtype
-        observation = jnp.zeros(abilities.marginal(policy).inputs, dtype)
-        action = abilities.marginal(policy).mode(observation)
-        return SoftActorCriticState(
-            policy=policy,
-            values=self.values.init(observation.size + action.size, dtype, jax.random.fold_in(own, 2)),
-            experience=self.replay.init(observation, action, jax.random.fold_in(own, 3)),
-            waiting=jnp.zeros((), jnp.int32),
-            chain=self.chain.init(policy),
-            entropy=None if self.entropy_target is None else self.entropy_target.init(dtype),
-            scaling=None if self.reward_scaling is None else self.reward_scaling.init(dtype),
-            steps=self.first_steps(),
-            memory=abilities.initial_memory(policy),
-            decision=first_decision(policy),
-        )
-
-    def act(
-        self, state: SoftActorCriticState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
-    ) -> tuple[SoftActorCriticState, Array]:
-        policy = state.policy
-        seen = abilities.observation_with_memory(policy, state.memory, observation)
-        action = policy.sample(seen, uniforms)
-        state = with_decision(state, seen, action)
-        return state._replace(memory=abilities.remember(policy, seen, action)), action
-
-    def observe(self, state: SoftActorCriticState, transition: Transition) -> SoftActorCriticState:
-        """Keep the decision. What diverged is dropped."""
-        dropped = transition.diverged
-        following = transition.next_observation
-        seen = abilities.observation_with_memory(state.policy, state.memory, following)
-        policy = where(dropped, state.policy, abilities.adapted(state.policy, seen))
-        observation = jnp.asarray(transition.observation, state.experience.observations.dtype)
-        values = where(dropped, state.values, self.values.adapted(state.values, observation, transition.action))
-        scaling = state.scaling
-        if self.reward_scaling is not None and scaling is not None:
-            scaling = where(dropped, scaling, self.reward_scaling.update(scaling, transition.reward))
-        entry = (observation, transition.action, transition.reward, following, transition.terminated, dropped)
-        after = state._replace(
-            policy=policy,
-            values=values,
-            scaling=scaling,
-            experience=self.replay.add(state.experience, *entry),
-            waiting=where(dropped, state.waiting, state.waiting + 1),
-        )
-        ended = any_of(transition.terminated, transition.truncated, dropped)
-        return where(ended, self._restarted(after), after)
-
-    def update(self, state: SoftActorCriticState, goal: Goal | None = None) -> SoftActorCriticState:
-        """Learn from batches of what is kept, where that is due. Hindsight needs the `goal` of the task."""
-        due = state.waiting >= self.update_every
-        after = update_from_replay(self, state, due, goal)
-        return after._replace(waiting=where(due, jnp.zeros_like(state.waiting), state.waiting))
-
-    def decisions_until_due(self, state: SoftActorCriticState) -> Int[Array, ""]:
-        return self.update_every - 1 - state.waiting
+        entropy = None if self.entropy_target is None else self.entropy_target.init(dtype)
+        return SoftActorCriticState(**self.first_fields(policy, key), entropy=entropy)
 
     def update_from_batch(self, state: SoftActorCriticState, batch: Drawn, key: jax.Array) -> SoftActorCriticState:
         """The state after a step of the values and one of the policy, with a batch of decisions."""
         of_next, of_this = jax.random.split(key)
-        if self.reward_scaling is not None and state.scaling is not None:
-            reward = (self.reward_scaling.factor(state.scaling) * batch.reward).astype(batch.reward.dtype)
-            batch = batch._replace(reward=reward)
         policy = abilities.marginal(state.policy)
         learned = state.entropy
         coefficient = None if self.entropy is None else at(self.entropy, state.steps)
@@ -236,14 +151,6 @@ class SoftActorCritic(GradientLearner):
         gradient = self._gradient(values, state.policy, batch, coefficient, of_this)
         return self.chain.step(state._replace(values=values, entropy=learned), gradient)
 
-    def _restarted(self, state: SoftActorCriticState) -> SoftActorCriticState:
-        """The state at the start of an episode."""
-        scaling = state.scaling
-        if self.reward_scaling is not None and scaling is not None:
-            scaling = self.reward_scaling.restart(scaling)
-        experience = self.replay.restart(state.experience)
-        return state._replace(experience=experience, scaling=scaling, memory=abilities.initial_memory(state.policy))
-
     def _gradient(
         self, values: EnsembleState, policy: Policy, batch: Drawn, coefficient: Scalar | None, key: jax.Array
     ) -> PyTree[Array]:
@@ -255,9 +162,8 @@ class SoftActorCritic(GradientLearner):
             present = abilities.marginal(whole)
             gains = self.values.least(values, observation, jax.vmap(present.sample)(observation, numbers))
             if coefficient is not None:
-                gains = gains + coefficient * jax.vmap(partial(abilities.entropy_estimate, present))(
-                    observation, numbers
-                )
+                entropy = jax.vmap(partial(abilities.entropy_estimate, present))(observation, numbers)
+                gains = gains + coefficient * entropy
             return batch.mean(gains)
 
         return gradient_of(gain, policy)
