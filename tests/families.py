@@ -47,6 +47,7 @@ FAMILIES = {
     "proximal": Family(ANY, {"baseline": CRITIC, "update_every": 4, "minibatches": 2, "epochs": 2}),
     "soft-actor-critic": Family(REAL, {**NARROW, **KEPT}),
     "sparse": Family(LOCAL, {"index.neglect": 0.02}),
+    "twin-delayed": Family(REAL, {**NARROW, **KEPT}),
 }
 
 

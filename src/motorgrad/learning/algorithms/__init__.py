@@ -10,3 +10,4 @@ from motorgrad.learning.algorithms._action_value_gradient import ActionValueGrad
 from motorgrad.learning.algorithms._policy_gradient import Agent as Agent
 from motorgrad.learning.algorithms._proximal import ProximalPolicyOptimization as ProximalPolicyOptimization
 from motorgrad.learning.algorithms._soft_actor_critic import SoftActorCritic as SoftActorCritic
+from motorgrad.learning.algorithms._twin_delayed import TwinDelayed as TwinDelayed
