@@ -75,7 +75,7 @@ CLAIMS = (
     Claim(
         "docs/bring-your-own-body.md",
         (0, 1, 2),
-        "the hand is within 3 cm of its target at {practice} % of the decisions (median of eight seeds; {low} to {high}"
+        "the hand is within 3 cm of its target at {practice} % of the decisions (median of four seeds; {low} to {high}"
         " %), the movement from the random pose included. Evaluated afterwards on fresh targets by the most probable "
         "actions, over 20 episodes of each seed, it is {median} % ({least} to {most} %; commit {commit}).",
         {

@@ -102,7 +102,7 @@ LATER = dict.fromkeys(("parity", "t-maze"), pytest.mark.ci)  # their initial pol
 def test_a_tasks_learner_is_made_of_settings_that_exist(name):
     task = make(name)
     agent = agent_for(task)
-    assert agent == agent_for(task, {**task.learner})
+    assert agent == agent_for(task, {**(task.learner or {})})
     assert agent_from_table(task, agent_table(agent)) == agent
     assert agent_from_table(task, tomllib.loads(tomli_w.dumps(agent_table(agent)))) == agent
 

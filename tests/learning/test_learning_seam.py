@@ -237,8 +237,12 @@ def needing(policy, **asks):
 @pytest.mark.parametrize(
     ("asks", "policy", "said"),
     [
-        ({"continuous": True}, SOFTMAX, "policy = 'Softmax': must be one with real-valued actions"),
-        ({"continuous": True}, bounded_hyperplanes(2, 2, density="beta"), "must be one whose actions JAX can differ"),
+        ({"actions": "differentiable"}, SOFTMAX, "policy = 'Softmax': must be one with real-valued actions"),
+        (
+            {"actions": "differentiable"},
+            bounded_hyperplanes(2, 2, density="beta"),
+            "must be one whose actions JAX can differ",
+        ),
         ({"memory": "none"}, Autoregressive(GRADED, 0.5), "and with no memory, for Needing"),
         ({"memory": "none"}, finite_state_controller(2, 2), "and with no memory, for Needing"),
         ({"memory": "noise"}, finite_state_controller(2, 2), "and with no memory but lasting noise, for N"),
@@ -258,7 +262,7 @@ def test_a_policy_that_lacks_what_is_needed_is_refused_by_name(asks, policy, sai
 @pytest.mark.parametrize(
     ("asks", "policy"),
     [
-        ({"continuous": True, "memory": "noise"}, Autoregressive(GRADED, 0.5)),
+        ({"actions": "differentiable", "memory": "noise"}, Autoregressive(GRADED, 0.5)),
         ({"memory": "independent"}, finite_state_controller(2, 2)),
         ({"memory": "any"}, recurrent(2, 1)),
         ({"score": True}, PrintedGaussians([[0.5, 0.5]], [[0.0, 0.0]])),

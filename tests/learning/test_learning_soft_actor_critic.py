@@ -23,11 +23,14 @@ from motorgrad.learning import (
     Hindsight,
     Replay,
     SoftActorCritic,
+    Transition,
+    TwinDelayed,
 )
 from motorgrad.policies import (
     Architecture,
     Autoregressive,
     GradedHyperplanes,
+    Hyperplanes,
     MultilayerPerceptron,
     Softmax,
     bounded_hyperplanes,
@@ -217,10 +220,61 @@ def test_the_goal_of_a_composed_task_gives_the_reward_for_another_target():
         assert float(task.goal.reward(3.0 * jnp.array(error))) == pytest.approx(wanted, rel=1e-5)
 
 
+def test_drawn_decisions_are_shown_as_policies_see_them_now():
+    """Hindsight moves errors in their own units, and what it moves is scaled by the present statistics."""
+    replay = Replay(100, 2, batch=50, hindsight=Hindsight(1.0, 2.0, 0.0))
+    kept = filled(replay, [8, 12])
+    goal = Goal((1,), lambda error: -jnp.abs(error[0]))
+    plain = replay.draw(kept, jax.random.key(3), goal)
+    shown = replay.draw(kept, jax.random.key(3), goal._replace(shown=lambda raw: 10 * raw - 1))
+    np.testing.assert_allclose(shown.observation, 10 * plain.observation - 1)
+    np.testing.assert_allclose(shown.next_observation, 10 * plain.next_observation - 1)
+    np.testing.assert_array_equal(shown.reward, plain.reward)
+
+
+@pytest.mark.ci
+def test_hindsight_keeps_raw_observations_of_a_task_that_scales():
+    task = arm("running")
+    stepper = stepper_for(task, preset_for(task), [0])
+    stepper.advance(60)
+    cycle = jax.tree.map(lambda leaf: leaf[0], stepper.state["cycle"])
+    experience = cycle.agent.experience
+    np.testing.assert_array_equal(experience.observations[experience.place], cycle.raw)
+    seen = task.observation_code.encode(cycle.memory.mean, cycle.memory.variance, cycle.raw)
+    np.testing.assert_allclose(seen, cycle.observation, rtol=1e-5)
+    assert np.abs(cycle.observation - cycle.raw).max() > 0.1
+
+
+def test_it_learns_which_alternative_is_the_best():
+    r"""By the mean over all alternatives: with a worth of entropy $\alpha$, probabilities go as $e^{Q/\alpha}$."""
+    worth = 0.4
+    rewards = jnp.array([0.0, 1.0, 0.2])
+    network = MultilayerPerceptron(hidden=(16,), layer_norm=False, sparsity=0.0)
+    agent = SoftActorCritic(
+        Softmax(jnp.zeros((3, 1))),
+        values=ActionValueEnsemble(discount=0.0, learning_rate=0.02, network=network),
+        replay=Replay(300, 20, batch=32),
+        entropy=worth,
+        optimizer=Adam(0.02),
+    )
+    state = agent.init(jax.random.key(1))
+    one = jnp.ones(1)
+
+    @eqx.filter_jit
+    def step(state, uniforms):
+        state, action = agent.act(state, one, uniforms)
+        return agent.update(agent.observe(state, Transition(one, action, rewards[action], one)))
+
+    for uniforms in np.random.default_rng(0).random((400, 1)):
+        state = step(state, jnp.asarray(uniforms, jnp.float32))
+    np.testing.assert_allclose(state.policy.prob(one), jax.nn.softmax(rewards / worth), atol=0.05)
+    values = agent.values.values(state.values.weights, jnp.ones((3, 1)), jnp.eye(3))
+    np.testing.assert_allclose(values, np.stack([rewards, rewards]), atol=0.1)
+
+
 WITHOUT_A_GOAL = pytest.mark.parametrize(
     "changes",
     [
-        {"scaling": "running"},
         {"observe": ["joint-positions"]},
         {"observe": ["joint-positions", "target-error", "distance"]},
         {"observe": ["target", terms.TargetError(scale=2.0)]},
@@ -230,7 +284,6 @@ WITHOUT_A_GOAL = pytest.mark.parametrize(
         {"reward": [terms.Distance(), terms.Success()]},
     ],
     ids=[
-        "scaled",
         "no error",
         "distance observed",
         "two scales",
@@ -397,8 +450,12 @@ def test_parts_and_policies_without_a_place_in_it_are_refused():
         Replay(100, 200)
     with pytest.raises(ValueError, match=r"share = 1\.5: must be in \[0, 1\]"):
         Hindsight(1.5)
+    with pytest.raises(ValueError, match="policy = 'Hyperplanes': must be one with real-valued actions"):
+        SoftActorCritic(Hyperplanes(jnp.zeros((2, 1)), jnp.zeros(2))).init(jax.random.key(0))
+    with pytest.raises(ValueError, match="policy = '65 alternatives': must be of at most 64 alternatives"):
+        SoftActorCritic(Softmax(jnp.zeros((65, 1)))).init(jax.random.key(0))
     with pytest.raises(ValueError, match="policy = 'Softmax': must be one with real-valued actions"):
-        SoftActorCritic(Softmax(jnp.zeros((2, 1)))).init(jax.random.key(0))
+        TwinDelayed(Softmax(jnp.zeros((2, 1)))).init(jax.random.key(0))
     with pytest.raises(ValueError, match="policy = 'BoundedHyperplanes': must be one whose actions JAX"):
         SoftActorCritic(bounded_hyperplanes(3, 2, density="beta")).init(jax.random.key(0))
     for changes, words in (

@@ -10,7 +10,7 @@ from gymnasium_examples import Told
 
 from motorgrad.cli import _answer
 from motorgrad.tasks import from_gymnasium
-from motorgrad.training import agent_for
+from motorgrad.training import agent_for, choice_for
 
 
 class Odd(Told):
@@ -229,5 +229,8 @@ def test_keys_of_info_that_are_no_texts_are_not_offered(register, key):
 def test_a_picture_is_refused_in_words_that_help(told):
     task = from_gymnasium(told(observation=spaces.Box(0, 255, (64, 64, 3), np.uint8)))
     with pytest.raises(ValueError, match=r"shows 12,288 numbers, \(64, 64, 3\): make fewer of them with gymnasium\.wr"):
-        agent_for(task)
-    assert agent_for(task, preset="ppo")
+        agent_for(task, preset="natural")
+    choice = choice_for(task)
+    assert choice is not None
+    assert choice.preset == "ppo"
+    assert agent_for(task)

@@ -9,6 +9,7 @@ from gymnasium import spaces
 from gymnasium_examples import NONE
 
 import motorgrad as mg
+from motorgrad.schema import kind_of
 from motorgrad.tasks import EnvironmentState, from_gymnasium
 from motorgrad.tasks.gymnasium._spaces import CODES
 
@@ -85,7 +86,7 @@ def test_graded_units_act_within_the_bounds_of_the_space(told, density):
     low, high = np.float32([-0.4, 0.0]), np.float32([0.4, 3.0])
     task = from_gymnasium(told(action=spaces.Box(low, high)))
     assert task.action_range == tuple(zip(low.tolist(), high.tolist(), strict=True))
-    assert task.learner["policy"]["kind"] == "bounded-hyperplanes"
+    assert kind_of(mg.agent_for(task).policy) == "bounded-hyperplanes"
     policy = mg.policies.bounded_hyperplanes(task, density=density, deviation=3.0)
     seen, uniforms = jnp.ones(policy.inputs), np.float32([[0.0, 1 - 2**-24], [0.5, 0.5]])
     drawn, mode = jax.jit(lambda u: (jax.vmap(lambda u: policy.sample(seen, u))(u), policy.mode(seen)))(uniforms)

@@ -181,12 +181,21 @@ def test_an_environment_of_myosuite_is_a_gymnasium_task():
     assert task.observation_size == 17
 
 
+@needs_myosuite
+def test_the_learner_is_chosen_by_the_goal_and_the_actions():
+    for how, preset in (({}, "sac"), ({"scaling": "none"}, "sac"), ({"actions": "binary"}, "natural")):
+        choice = mg.training.choice_for(mg.tasks.myosuite(ELBOW, **how))
+        assert choice is not None
+        assert choice.preset == preset
+    assert mg.agent_for(mg.tasks.myosuite(ELBOW)).replay.hindsight is not None
+
+
 @pytest.mark.slow
 @needs_myosuite
 def test_with_replay_and_hindsight_an_elbow_holds_its_poses():
     """With the filter of noise that lasts for 100 ms, it would swing about them, and half of the steps be off."""
-    task = mg.tasks.myosuite(ELBOW, actions="continuous", scaling="none")
-    run = mg.train(task, mg.presets.sac(task, steps=12_000), steps=12_000, seeds=1, progress=False)
+    task = mg.tasks.myosuite(ELBOW, actions="continuous")
+    run = mg.train(task, steps=12_000, seeds=1, progress=False)
     metrics = mg.evaluate(run, 2_000, mode="mode").metrics
     assert metrics["success"][0] == 1
     assert metrics["solved"][0] > 0.85

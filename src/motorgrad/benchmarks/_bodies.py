@@ -75,10 +75,10 @@ def simulated_row(row: Row, task: BodyTask, wanted: str = "") -> Row:
 
 
 def composed_rows(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int, wanted: str = "") -> Iterator[Row]:
-    """Learning in a composed task, by OLGARB with linear units and by the preset that is its default."""
+    """Learning in a composed task, by OLGARB with linear units and by the preset `natural`."""
     units = hyperplanes if task.actions == "binary" else bounded_hyperplanes
     plain = Agent(units(task), olgarb(0.9), SGD(1e-3))
-    for learner, agent, asked in (("OLGARB", plain, wanted), ("preset natural", None, "")):
+    for learner, agent, asked in (("OLGARB", plain, wanted), ("preset natural", natural(task), "")):
         yield body_row(f"{name}, {learner}", task, seeds, decisions, pairs, asked, agent)
 
 

@@ -41,6 +41,7 @@ from motorgrad.training import (
     given_initial,
     saved_config,
     setting_text,
+    swept_names,
     train,
 )
 
@@ -224,16 +225,20 @@ def run(arguments: list[str]) -> int:
         return 0 if asked else 2
     swept = given.table.get("sweep")
     given = given._replace(table={key: value for key, value in given.table.items() if key != "sweep"})
-    kind, given = command_with_learner(Options, "Train", "Train a learner", name, given)
+    kind, given = command_with_learner(
+        Options, "Train", "Train a learner", name, given, _swept_names(given.rest, swept)
+    )
     kind.file_sweep = swept
     options = resolve(kind, given, f"train {name}")
     initial = given_initial(options.directory)
     if from_policies and initial is None:
         how = "continue it with --resume, or start another in Python, train(..., initial=...)"
         raise ValueError(f"{given.file}: run.initial: this run started from given policies: {how}")
-    if changed := changes_from_task(options.task, options.agent, options.preset, options.steps):
+    preset = options.preset if kind.choice is None else kind.choice.preset
+    if kind.choice is not None and about is None:  # a stored run has its learner
+        print(plain(f"learner: {kind.choice}"), file=sys.stderr)
+    if changed := changes_from_task(options.task, options.agent, preset, options.steps):
         said = ", ".join(f"{path} = {value}" for path, value in changed.items())
-        preset = options.preset
         rest = f"the rest as the {'preset' if preset else 'task'} has it"
         print(plain(f"learner: that of {preset or name} with {said}; {rest}"), file=sys.stderr)
     task, agent, steps, seeds = options.learning
@@ -261,6 +266,17 @@ def _arguments(arguments: list[str]) -> Arguments:
     config = saved_config(path, "--allow-changed" in rest)
     given = read_arguments(rest)
     return given._replace(file=Path(path) / "config.toml", table=config, rest=["--out", path, *given.rest])
+
+
+def _swept_names(words: list[str], of_file: object) -> list[str]:
+    """The settings that a sweep names, on the command line or in a file."""
+    found = []
+    inside = False
+    for word in words:
+        inside = word == "--sweep" or (inside and not word.startswith("-"))
+        if inside and "=" in word:
+            found.append(word.partition("=")[0].replace("-", "_"))
+    return [*found, *swept_names(of_file)]
 
 
 def _result(run: Run) -> dict[str, Any]:

@@ -63,8 +63,10 @@ from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Tr
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.algorithms import *  # noqa: F403
 from motorgrad.learning.algorithms._action_value_gradient import ActionValues
+from motorgrad.learning.algorithms._choice import Choice, choose
+from motorgrad.learning.algorithms._measured import Measured, measured
 from motorgrad.learning.algorithms._policy_gradient import AgentState
-from motorgrad.learning.algorithms._presets import PRESETS, preset
+from motorgrad.learning.algorithms._presets import PRESETS, PURPOSES, STEPS, preset
 from motorgrad.learning.algorithms._soft_actor_critic import EntropyState, EntropyTarget
 from motorgrad.learning.growth import Clock, Criterion, Growth, GrowthState, Plateau, Visited
 from motorgrad.learning.sparse import IndexState, SparseLearner, SparseState, SpatialIndex
@@ -73,7 +75,9 @@ from motorgrad.schema import Part, count, inner, number, static
 __all__ = [
     "NEVER",
     "PRESETS",
+    "PURPOSES",
     "SGD",
+    "STEPS",
     "ActionTransitions",
     "ActionValueEnsemble",
     "ActionValues",
@@ -88,6 +92,7 @@ __all__ = [
     "BoundedTemporalDifference",
     "Centring",
     "Chain",
+    "Choice",
     "Clock",
     "CompatibleWeights",
     "ConjugateAscent",
@@ -133,6 +138,7 @@ __all__ = [
     "LinearCritic",
     "LinearState",
     "MeanReward",
+    "Measured",
     "Metric",
     "Needs",
     "NetworkCritic",
@@ -175,6 +181,7 @@ __all__ = [
     "at",
     "averaging_field",
     "check_scores",
+    "choose",
     "count",
     "entropy_gradient",
     "first_decision",
@@ -182,6 +189,7 @@ __all__ = [
     "gpomdp",
     "gradient_of",
     "inner",
+    "measured",
     "number",
     "olgarb",
     "olpomdp",

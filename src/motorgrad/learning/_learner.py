@@ -33,6 +33,8 @@ from motorgrad.schema import PART_CLASSES, Numbers, Part, inner
 
 S = TypeVar("S", bound=Any)
 """The state of a learner."""
+MAX_ALTERNATIVES = 64
+"""Actions of which a learner values every one at each decision of a batch."""
 
 
 class Transition(NamedTuple):
@@ -44,6 +46,9 @@ class Transition(NamedTuple):
 
     `eligibility` is the trace $z$ that the reward meets, in the structure of the parameters: the policy gradient sets
     it for a baseline that says `needs_eligibility`.
+
+    `raw` and `next_raw` are the observations in the task's own units, for a learner that needs a goal, where the task
+    scales what it shows; else `None`.
     """
 
     observation: Any
@@ -54,6 +59,8 @@ class Transition(NamedTuple):
     truncated: Flag = False
     diverged: Flag = False
     eligibility: Any = None
+    raw: Float[Array, " inputs"] | None = None
+    next_raw: Float[Array, " inputs"] | None = None
 
 
 class Decision(NamedTuple):
@@ -86,7 +93,8 @@ class Needs(NamedTuple):
     - `goal`: the setting that needs a task with a goal; `update` is then called with the goal, too.
     - `single_stream`: what needs the successive decisions of one environment, in words.
     - `score`: whether it learns from scores, which must then be exact; one that does not takes no printed pair.
-    - `continuous`: whether actions must be real numbers that JAX can differentiate.
+    - `actions`: which actions it learns: any; real numbers that JAX can differentiate; or these and also a few
+      alternatives, at most `MAX_ALTERNATIVES`.
     - `memory`: which memory a policy may have: any, one that does not depend on its parameters, one that only makes its
       noise last, or none. With the last two, it may have no hidden units either.
     """
@@ -95,7 +103,7 @@ class Needs(NamedTuple):
     goal: str | None = None
     single_stream: str | None = None
     score: bool = False
-    continuous: bool = False
+    actions: Literal["any", "differentiable", "differentiable or few"] = "any"
     memory: Literal["any", "independent", "noise", "none"] = "any"
 
 
@@ -233,8 +241,14 @@ def _check_policy(learner: Learner, policy: Policy) -> None:
     needs = learner.needs
     kind = type(policy).__name__
     name = type(learner).__name__
-    wanted = f"one with real-valued actions, such as BoundedHyperplanes, for {name}"
-    check(policy.actions == "continuous" or not needs.continuous, "policy", kind, wanted)
+    few = needs.actions == "differentiable or few" and policy.actions == "discrete"
+    differentiable = needs.actions != "any" and not few
+    if few:
+        wanted = f"of at most {MAX_ALTERNATIVES} alternatives, for {name}"
+        check(policy.outputs <= MAX_ALTERNATIVES, "policy", f"{policy.outputs} alternatives", wanted)
+    elif differentiable:
+        wanted = f"one with real-valued actions, such as BoundedHyperplanes, for {name}"
+        check(policy.actions == "continuous", "policy", kind, wanted)
     if needs.memory == "independent":
         wanted = f"one whose memory does not depend on its parameters, for {name}"
         check(not abilities.remembers_parameters(policy), "policy", kind, wanted)
@@ -243,7 +257,7 @@ def _check_policy(learner: Learner, policy: Policy) -> None:
         wanted = f"one without hidden units, and with no memory{' but lasting noise' if lasting else ''}, for {name}"
         plain = abilities.marginal(policy) if lasting else policy
         check(not (abilities.has_hidden_units(policy) or abilities.has_memory(plain)), "policy", kind, wanted)
-    if needs.continuous:
+    if differentiable:
         _check_differentiable(abilities.marginal(policy), kind)
 
 

@@ -203,7 +203,8 @@ class Replay(Part):
         return kept.filled >= self.start
 
     def draw(self, kept: Experience, key: jax.Array, goal: Goal | None = None) -> Drawn:
-        """A batch of decisions; the `goal` of the task for hindsight."""
+        """A batch of decisions, with observations as policies see them; the `goal` of the task for hindsight, where
+        they are kept in the task's own units."""
         row_key, own = jax.random.split(key)
         rows = jax.random.randint(row_key, (self.batch,), 0, jnp.maximum(kept.filled, 1))
         drawn = Drawn(
@@ -216,7 +217,11 @@ class Replay(Part):
         )
         if self.hindsight is None or goal is None:
             return drawn
-        return self.hindsight.relabelled(kept, rows, drawn, goal, own)
+        drawn = self.hindsight.relabelled(kept, rows, drawn, goal, own)
+        if goal.shown is None:
+            return drawn
+        show = jax.vmap(goal.shown)
+        return drawn._replace(observation=show(drawn.observation), next_observation=show(drawn.next_observation))
 
     def renewed(self, kept: Experience) -> Experience:
         """The experience after it was used: the next draws differ."""

@@ -2,6 +2,7 @@
 
 import abc
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, ClassVar
 
 import jax
@@ -23,6 +24,14 @@ from motorgrad.learning._replay import Drawn, Replay
 from motorgrad.learning._scaling import RewardScaling
 from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import count, inner
+
+
+def coded(policy: Policy, action: Array) -> Float[Array, " numbers"]:
+    """An action as the numbers that the networks of values see: real numbers as they are, an alternative as a one among
+    zeros."""
+    if policy.actions != "discrete":
+        return action
+    return jax.nn.one_hot(action, policy.outputs, dtype=jax.tree.leaves(trainable(policy))[0].dtype)
 
 
 class ReplayLearner(GradientLearner):
@@ -55,7 +64,7 @@ class ReplayLearner(GradientLearner):
     def needs(self) -> Needs:
         goal = None if self.replay.hindsight is None else "replay.hindsight"
         kept = f"the experience kept by {type(self).__name__}"
-        return Needs(goal=goal, single_stream=kept, continuous=True, memory="noise")
+        return Needs(goal=goal, single_stream=kept, actions="differentiable", memory="noise")
 
     @abc.abstractmethod
     def update_from_batch(self, state: Any, batch: Drawn, key: jax.Array) -> Any:
@@ -74,7 +83,7 @@ class ReplayLearner(GradientLearner):
         action = plain.mode(observation)
         return {
             "policy": policy,
-            "values": self.values.init(observation.size + action.size, dtype, jax.random.fold_in(own, 2)),
+            "values": self.values.init(observation.size + coded(plain, action).size, dtype, jax.random.fold_in(own, 2)),
             "experience": self.replay.init(observation, action, jax.random.fold_in(own, 3)),
             "waiting": jnp.zeros((), jnp.int32),
             "chain": self.chain.init(policy),
@@ -94,17 +103,20 @@ class ReplayLearner(GradientLearner):
         return state._replace(memory=abilities.remember(policy, seen, action)), action
 
     def observe(self, state: Any, transition: Transition) -> Any:
-        """Keep the decision. What diverged is dropped."""
+        """Keep the decision, in the task's own units where these are given. What diverged is dropped."""
         dropped = transition.diverged
         following = transition.next_observation
         seen = abilities.observation_with_memory(state.policy, state.memory, following)
         policy = where(dropped, state.policy, abilities.adapted(state.policy, seen))
         observation = jnp.asarray(transition.observation, state.experience.observations.dtype)
-        values = where(dropped, state.values, self.values.adapted(state.values, observation, transition.action))
+        action = coded(policy, transition.action)
+        values = where(dropped, state.values, self.values.adapted(state.values, observation, action))
         scaling = state.scaling
         if self.reward_scaling is not None:
             scaling = where(dropped, scaling, self.reward_scaling.update(scaling, transition.reward))
-        entry = (observation, transition.action, transition.reward, following, transition.terminated, dropped)
+        kept = observation if transition.raw is None else transition.raw
+        kept_after = following if transition.next_raw is None else transition.next_raw
+        entry = (kept, transition.action, transition.reward, kept_after, transition.terminated, dropped)
         after = state._replace(
             policy=policy,
             values=values,
@@ -132,6 +144,7 @@ class ReplayLearner(GradientLearner):
 
             def learned(state: Any, each: tuple[Drawn, Array]) -> tuple[Any, None]:
                 batch, words = each
+                batch = batch._replace(action=jax.vmap(partial(coded, state.policy))(batch.action))
                 if learner.reward_scaling is not None:
                     reward = learner.reward_scaling.factor(state.scaling) * batch.reward
                     batch = batch._replace(reward=reward.astype(batch.reward.dtype))

@@ -2,7 +2,7 @@
 
 import dataclasses
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +12,20 @@ from motorgrad.options._configuration import Arguments, naming, pop_option
 from motorgrad.options._line import HELP, HELP_ALL, flag_of, nested, read_line
 from motorgrad.schema import as_hinted, default_of, fields_of, hints_of
 from motorgrad.tasks import ENVIRONMENT, TASKS, Task, is_environment, settings_in
-from motorgrad.training import RunDirectoryError, agent_for, agent_table, check_imports, with_changes
+from motorgrad.training import RunDirectoryError, agent_for, agent_table, check_imports, choice_for, with_changes
 
 
-def command_with_learner(base: type, name: str, does: str, task_name: str, given: Arguments) -> tuple[Any, Arguments]:
+def command_with_learner(
+    base: type, name: str, does: str, task_name: str, given: Arguments, swept: Iterable[str] = ()
+) -> tuple[Any, Arguments]:
     """The options of a command with those of a task and its learner, and the arguments left to read.
 
     A learner is built for its task, so the task comes first, each from the file and then from the command line.
 
-    **Arguments:** `base`, the command's own options; the `name` of the class and what the command `does`, for the help.
+    **Arguments:** `base`, the command's own options; the `name` of the class and what the command `does`, for the help;
+    the names of settings that are `swept`.
+
+    The options' class has the preset that the task got by itself as `choice`, or `None`.
     """
     own = given.table.get("task")
     if isinstance(own, dict):
@@ -32,16 +37,22 @@ def command_with_learner(base: type, name: str, does: str, task_name: str, given
     with naming(given.file):
         task = as_hinted(TASKS[task_name], given.table.get("task", {}), "task")
         task = as_hinted(type(task), of_task, "task", task) if of_task else task
-        agent = agent_for(task, given.table.get("agent"), **_of_schedule(base, {**given.table, **own}))
+        how = _of_schedule(base, {**given.table, **own})
+        table = given.table.get("agent")
+        named = {**(table if isinstance(table, Mapping) else {}), **of_agent, **dict.fromkeys(swept)}
+        choice = None if "preset" in how else choice_for(task, named, **how)
+        agent = agent_for(task, table, **how, **({} if choice is None else {"preset": choice.preset}))
         agent = with_changes(agent, of_agent)
     left = {key: value for key, value in given.table.items() if key not in ("task", "agent")}
-    return _with_fields(base, name, does, task, agent), given._replace(table=left, line=own)
+    kind = _with_fields(base, name, does, task, agent)
+    kind.choice = choice
+    return kind, given._replace(table=left, line=own)
 
 
 def _of_schedule(base: type, values: dict[str, Any]) -> dict[str, Any]:
-    """The options of a command on which the learner depends: its preset and steps."""
+    """The options of a command on which the learner depends: its preset, steps and environments."""
     hints = hints_of(base)
-    known = {"preset", "steps"} & hints.keys() & values.keys()  # an unknown key of a file is refused later
+    known = {"preset", "steps", "envs"} & hints.keys() & values.keys()  # an unknown key of a file is refused later
     how = {name: as_hinted(hints[name], values[name], name) for name in known}
     return {name: value for name, value in how.items() if name == "preset" or 1 <= value < 2**32}
 

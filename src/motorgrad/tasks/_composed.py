@@ -15,7 +15,6 @@ from motorgrad._arrays import AnyArray
 from motorgrad._errors import check
 from motorgrad._goal import Goal
 from motorgrad._interface import ObservationCode
-from motorgrad._natural import STEPS, natural_learner
 from motorgrad._running import RunningMean, counted_on
 from motorgrad.bodies import Body, BodyState, start_pose
 from motorgrad.schema import kind_of, static
@@ -195,13 +194,6 @@ class Composed(BodyTask):
     def in_folder(cls, settings: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         return with_absolute_paths(settings, folder)
 
-    @property
-    def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self.learner_for(STEPS)
-
-    def learner_for(self, steps: int) -> Mapping[str, Any]:
-        return natural_learner(self, steps)
-
     @functools.cached_property
     def _bound(self) -> _Bindings:
         scene = Scene(self.body, self.action_period, self.targets)
@@ -302,9 +294,9 @@ class Composed(BodyTask):
 
     @functools.cached_property
     def goal(self) -> Goal | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """What the task aims at, where observations are not scaled: see `goal_of`."""
+        """What the task aims at: see `goal_of`."""
         parts = self._bound
-        return goal_of(self.observations, parts.observe, self.rewards, parts.scene) if self.scaling == "none" else None
+        return goal_of(self.observations, parts.observe, self.rewards, parts.scene)
 
     # -- episodes
 

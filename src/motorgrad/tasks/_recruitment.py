@@ -88,6 +88,7 @@ class RecruitmentMemory(NamedTuple):
 class Recruitment(Task):
     """A pool of motor units that pull together at a load observed by all motoneurons."""
 
+    learner: ClassVar[Mapping[str, Any]] = {}
     clips_actions: ClassVar[bool] = True
 
     units: int = count(4, 1, 10_000, help="number of units in the pool")

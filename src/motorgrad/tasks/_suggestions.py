@@ -50,14 +50,15 @@ def suggestions(body: Body) -> dict[str, dict[str, Any]]:
     model: Any = Anatomy(body).model
     about = _examine(body, model)
     step = float(model.opt.timestep)
-    common = {
-        "actions": "binary" if about.muscles else "continuous",
-        "action_period": max(1, round(PERIOD / step)) * step,
+    period = max(1, round(PERIOD / step)) * step
+    # muscles that are on or off walk; for a place or a pose, controls of any size learn from fewer decisions
+    standing = {
+        goal: {**each, "actions": "binary" if about.muscles else "continuous"}
+        for goal, each in _standing(about).items()
     }
-    standing = _standing(about)
-    moving = _reaching(about)
+    moving = {goal: {**each, "actions": "continuous"} for goal, each in _reaching(about).items()}
     chosen = {**standing, **moving} if about.moves else moving
-    return {goal: {**settings, **common} for goal, settings in chosen.items()}
+    return {goal: {**settings, "action_period": period} for goal, settings in chosen.items()}
 
 
 def _reaching(about: _Found) -> dict[str, dict[str, Any]]:

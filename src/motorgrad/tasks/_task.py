@@ -50,8 +50,9 @@ class Task(Settings, abc.ABC):
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]  # of every subclass
     name: ClassVar[str]
     """The name in the registry."""
-    learner: ClassVar[Mapping[str, Any]] = {}
-    """Learner settings suited to the task, as in `motorgrad.training.agent_for`."""
+    learner: ClassVar[Mapping[str, Any] | None] = None
+    """Learner settings suited to the task, as in `motorgrad.training.agent_for`; `None` for the preset that is chosen
+    by what the task is (`motorgrad.presets.choose`)."""
     uniforms: ClassVar[int] = 0
     """Numbers from U[0, 1) that `observe` consumes."""
     init_uniforms: ClassVar[int] = 0
@@ -88,7 +89,7 @@ class Task(Settings, abc.ABC):
     def action_size(self) -> int:
         """Number of binary or continuous actions, or of alternatives."""
 
-    def learner_for(self, steps: int) -> Mapping[str, Any]:
+    def learner_for(self, steps: int) -> Mapping[str, Any] | None:
         """Learner settings suited to the task and to a training of this number of decisions; by default `learner`."""
         del steps
         return self.learner
@@ -199,8 +200,8 @@ class Task(Settings, abc.ABC):
 
     @property
     def goal(self) -> Goal | None:
-        """What the task aims at, for learners that use experience for other targets; `None` for a task without a
-        target, and by default."""
+        """What the task aims at, in terms of the observation that `sense` gives, for learners that use experience for
+        other targets; `None` for a task without a target, and by default."""
         return None
 
     def init(self, uniforms: Float[Array, " init_uniforms"]) -> PyTree:

@@ -1,7 +1,7 @@
 """Training: the loop over seeds and decisions, sweeps, run directories, checkpoints and resume."""
 
 from motorgrad._errors import NotTrusted
-from motorgrad.learning import PRESETS
+from motorgrad.learning import PRESETS, Choice, choose
 from motorgrad.training._agents import (
     PresetAgent,
     agent_for,
@@ -10,6 +10,7 @@ from motorgrad.training._agents import (
     bound_to,
     changed,
     changes_named,
+    choice_for,
     preset_agent,
     with_changes,
 )
@@ -23,7 +24,7 @@ from motorgrad.training._metrics import final_metrics
 from motorgrad.training._policy_score import PolicyScore
 from motorgrad.training._run import Run, saved_agent
 from motorgrad.training._saving import NotSaved
-from motorgrad.training._sweep import setting_text, sweepable
+from motorgrad.training._sweep import setting_text, sweepable, swept_names
 from motorgrad.training._train import resume, train
 from motorgrad.training._training import interface_of
 from motorgrad.training._trust import check_imports
@@ -56,6 +57,7 @@ __all__ = [
     "PRESETS",
     "STEPS",
     "BodyStepper",
+    "Choice",
     "Curve",
     "EarlyStopping",
     "EpisodeEvaluation",
@@ -85,6 +87,8 @@ __all__ = [
     "check_table",
     "check_tensorboard",
     "check_training",
+    "choice_for",
+    "choose",
     "clear_programs",
     "differences",
     "evaluate",
@@ -106,6 +110,7 @@ __all__ = [
     "setting_text",
     "stepper_for",
     "sweepable",
+    "swept_names",
     "train",
     "training_stepper_for",
     "with_changes",

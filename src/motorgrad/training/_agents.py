@@ -11,8 +11,7 @@ import jax.numpy as jnp
 
 from motorgrad import policies
 from motorgrad._errors import check, choice, unknown
-from motorgrad._natural import STEPS
-from motorgrad.learning import PRESETS, Agent, Estimator, Learner, Optax, check_scores
+from motorgrad.learning import PRESETS, STEPS, Agent, Choice, Estimator, Learner, Optax, check_scores, choose
 from motorgrad.policies import InitialPolicy
 from motorgrad.schema import PART_CLASSES, Words, build, check_rounded, full_path, kind_of, parts_by_path, table
 from motorgrad.tasks import Gymnasium, Task
@@ -20,6 +19,8 @@ from motorgrad.training._trust import task_named
 
 USUAL = "policy-gradient"
 """The kind of learner that a table without a kind has."""
+USUAL_PRESET = "natural"
+"""The preset that takes changes which are meant for a policy gradient."""
 
 
 def agent_for(
@@ -28,9 +29,12 @@ def agent_for(
     *,
     preset: str | None = None,
     steps: int | None = None,
+    envs: int = 1,
     **more: object,
 ) -> Learner:
     """The learner that goes with a task, with some settings changed.
+
+    A task has a learner of its own, as those of the thesis do, or gets a preset by what it is: see `choice_for`.
 
     **Arguments:**
 
@@ -40,6 +44,7 @@ def agent_for(
     - `preset`: the name of a preset in place of the task's own learner, such as `"natural"`, with the task's own
       policy, before which it may put hidden layers. It may stand among the changes.
     - `steps` (decisions): length of the training, with which the schedules of learners scale; by default 100,000.
+    - `envs`: environments that will feed the learner of each seed.
     - `more`: the same for names without dots, as keywords.
 
     A setting that is not changed stays as the task has it. A part or policy of another kind starts from that kind's own
@@ -61,11 +66,17 @@ def agent_for(
         number = isinstance(steps, numbers.Real) and not isinstance(steps, bool)
         check(number and math.isfinite(steps), "steps", steps, "an integer")
     steps = STEPS if steps is None else int(steps)
-    own = dict(task.learner_for(steps))
     given = {**(changes or {}), **more}
     preset = given.pop("preset", preset)
     if preset is not None:
         choice("preset", preset, PRESETS)
+    elif (chosen := choice_for(task, given, steps=max(1, steps), envs=envs)) is not None:
+        preset = chosen.preset
+    learner = task.learner_for(steps)
+    if preset is None and learner is None:  # a kind of learner is named, which keeps the policy
+        preset = USUAL_PRESET
+    own = dict(learner or {})
+    if preset is not None:
         # a protocol cannot say "of the class or of the instance", which the kind of actions may be
         own = PRESETS[preset](task, steps, own.get("policy"))  # pyright: ignore[reportArgumentType]
     wanted = _kind_of_policy(given)
@@ -88,6 +99,46 @@ def agent_for(
         raise ValueError(f"{error}; {advice}" if advice else str(error)) from None
     check_rounded(agent, agent.precision)
     return agent
+
+
+def choice_for(
+    task: Task | str, changes: Mapping[str, Any] | None = None, *, steps: int = STEPS, envs: int = 1
+) -> Choice | None:
+    """The preset that a task gets by itself (`motorgrad.presets.choose`), or `None` for a task, or changes, that name a
+    learner.
+
+    Changes may be meant for another learner than the one that the task gets: an estimator, a policy of binary units.
+    The preset is then `natural`, which takes most of them.
+
+    **Arguments:** as `agent_for`.
+
+    ```python
+    print(mg.training.choice_for("Pendulum-v1", steps=20_000))
+    ```
+    """
+    task = task_named(task) if isinstance(task, str) else task
+    given = changes or {}
+    if task.learner_for(steps) is not None or {"preset", "kind"} & given.keys():
+        return None
+    chosen = choose(task, steps, envs)  # pyright: ignore[reportArgumentType] (as in `agent_for`)
+    own = PRESETS[chosen.preset](task, steps, None)  # pyright: ignore[reportArgumentType]
+    foreign = _not_of(own, given)
+    if not foreign or chosen.preset == USUAL_PRESET:
+        return chosen
+    gain = f"would be chosen without {foreign}"
+    return Choice(USUAL_PRESET, f"{foreign} is given, which {chosen.preset!r} does not take", chosen.preset, gain)
+
+
+def _not_of(own: Mapping[str, Any], changes: Mapping[str, Any]) -> str | None:
+    """The first of the changes that a learner, as a table, does not take."""
+    learner = Learner.kinds()[own.get("kind", USUAL)]
+    known = {field.name for field in dataclasses.fields(learner)} | {*learner.aliases}
+    for path in changes:
+        if path.partition(".")[0] not in known:
+            return path
+    wanted = _kind_of_policy(changes)
+    usual = wanted in ("", own["policy"]["kind"]) and not isinstance(changes.get("policy"), policies.Policy)
+    return None if usual else "policy"
 
 
 class PresetAgent(Protocol):

@@ -9,12 +9,12 @@ import numpy as np
 from jax.tree_util import KeyPath
 
 from motorgrad._errors import check, is_integer
-from motorgrad.learning import Learner, SparseLearner, check_scores
+from motorgrad.learning import Choice, Learner, SparseLearner, check_scores
 from motorgrad.policies import Policy, trainable, with_interface
 from motorgrad.schema import check_rounded, path_of
 from motorgrad.tasks import Gymnasium, HostTask, Task
-from motorgrad.training._agents import agent_for
-from motorgrad.training._sweep import Setting, Sweep, sweep_settings
+from motorgrad.training._agents import agent_for, choice_for
+from motorgrad.training._sweep import Setting, Sweep, sweep_settings, swept_names
 from motorgrad.training._trust import task_named
 from motorgrad.training.engines import MAX_TALLY_DECISIONS, check_carries, validate, validate_needs
 
@@ -27,7 +27,7 @@ MAX_ENVS = 65_536
 class TrainingArguments(NamedTuple):
     """The checked arguments of a training: `initial`, the policies from which the seeds start, where they were given;
     the `settings` of a sweep; the decisions per record (`window`); the environments of each learner (`envs`), and the
-    processes in which they are stepped (`workers`)."""
+    processes in which they are stepped (`workers`); the preset that the task got by itself (`choice`)."""
 
     task: Task
     agent: Learner
@@ -38,6 +38,7 @@ class TrainingArguments(NamedTuple):
     window: int = 1
     envs: int = 1
     workers: int = 0
+    choice: Choice | None = None
 
 
 def check_training(
@@ -77,8 +78,13 @@ def check_training(
         check(isinstance(seconds, int | float | np.number) and seconds >= 0, name, seconds, "at least 0 seconds")
     valid = is_integer(threads) and 0 <= threads <= MAX_THREADS
     check(valid, "threads", threads, f"0 for one per processor, or a number of at most {MAX_THREADS}")
-    learner = agent if isinstance(agent, Learner) else agent_for(task, agent, steps=int(steps))
-    own_window = -(-max(1, int(steps) // 200) // envs) * envs if is_integer(envs) and envs > 0 else 1
+    shared = envs if is_integer(envs) and envs > 0 else 1
+    choice = None
+    learner = agent
+    if not isinstance(learner, Learner):
+        choice = choice_for(task, {**(agent or {}), **dict.fromkeys(swept_names(sweep))}, steps=int(steps), envs=shared)
+        learner = agent_for(task, agent, preset=None if choice is None else choice.preset, steps=int(steps))
+    own_window = -(-max(1, int(steps) // 200) // shared) * shared
     chosen_window = int(own_window if window is None else window)
     _check_envs(envs, workers, task, learner, {"steps": int(steps), "window": chosen_window})
     compiled = not isinstance(task, HostTask) or not isinstance(learner, SparseLearner)
@@ -94,7 +100,8 @@ def check_training(
         lanes <= MAX_LANES, "sweep", f"{len(settings)} settings of {len(chosen)} seeds", f"at most {MAX_LANES} in all"
     )
     every = [int(seed) for seed in chosen]
-    return TrainingArguments(task, learner, int(steps), every, own, settings, chosen_window, int(envs), int(workers))
+    how = (chosen_window, int(envs), int(workers), choice)
+    return TrainingArguments(task, learner, int(steps), every, own, settings, *how)
 
 
 def _check_envs(envs: int, workers: int, task: Task, agent: Learner, decisions: Mapping[str, int]) -> None:

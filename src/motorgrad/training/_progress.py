@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from motorgrad._compiler import compilations
 from motorgrad._errors import counted
 from motorgrad._progress import Progress
+from motorgrad.learning import Choice
 from motorgrad.tasks import Task
 
 
@@ -17,6 +18,11 @@ class TrainingProgress(Progress):
         self._latest: dict[str, float] = {}
         self._rate: float | None = None
         self._compiled = compilations()
+
+    def tell_choice(self, choice: Choice | None) -> None:
+        """Say which preset the task got by itself, and why; nothing for a task or a user that named the learner."""
+        if choice is not None and self.shown:
+            self.console.print(f"{self.name}: {choice}", soft_wrap=True, highlight=False)
 
     def report(self, decision: int, rate: float, latest: Mapping[str, float]) -> None:
         """Show progress at a `decision`, the `rate` in decisions per second and seed, and new means of the metrics."""

@@ -56,6 +56,12 @@ def sweep_settings(sweep: Sweep, task: Task, agent: Learner) -> list[Setting]:
     return settings
 
 
+def swept_names(sweep: object) -> list[str]:
+    """The names of the settings in a sweep, which need not be checked yet."""
+    each = [sweep] if isinstance(sweep, Mapping) else sweep if isinstance(sweep, Sequence) else []
+    return list(dict.fromkeys(str(name) for one in each if isinstance(one, Mapping) for name in one))
+
+
 def numbers_by_lane(settings: Sequence[Setting], seeds: int) -> dict[str, np.ndarray]:
     """The numbers of every lane, by path: all seeds of the first setting, then those of the second …"""
     if not settings:

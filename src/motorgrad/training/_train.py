@@ -52,7 +52,8 @@ def train(
     - `task`: a task, or its name: as on the command line, also the id of a Gymnasium environment, such as
       `"Pendulum-v1"`, or a TOML file of a task.
     - `agent`: the learner; or changes to the task's own learner, as in `agent_for`; by default that learner, or that of
-      the run where `initial` is one. A run whose parts are all registered can be resumed from its directory alone
+      the run where `initial` is one. A task without one gets a preset by what it is (`motorgrad.presets.choose`), which
+      the first line of progress names. A run whose parts are all registered can be resumed from its directory alone
       (`resume`).
     - `steps`: decisions per seed, those of all its environments together. If the directory holds a run with more
       decisions, that run is returned.
@@ -123,6 +124,7 @@ def train(
         nullcontext() if out is None else RunDirectory(out) as directory,
         TrainingProgress(arguments.task, lanes, arguments.steps, progress) as report,
     ):
+        report.tell_choice(arguments.choice)
         saving = None if directory is None else Saving(directory, checkpoint_every, give_up_after)
         training = Training(arguments, saving, threads, reported)
         if directory is not None:

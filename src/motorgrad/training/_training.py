@@ -55,7 +55,7 @@ class Training:
     def __init__(
         self, arguments: TrainingArguments, saving: Saving | None, threads: int, callbacks: tuple[Callback, ...]
     ):
-        task, agent, steps, seeds, initial, settings, window, envs, workers = arguments
+        task, agent, steps, seeds, initial, settings, window, envs, workers, _ = arguments
         self.task, self.saving, self.callbacks = task, saving, callbacks
         self.ended = False  # by a callback
         evaluating = [callback for callback in callbacks if isinstance(callback, EvaluationCallback)]

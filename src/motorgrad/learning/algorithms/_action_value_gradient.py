@@ -21,7 +21,6 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree, UInt32
 
 from motorgrad._branching import Flag, Scalar, any_of, where
-from motorgrad._natural import Learnable, PolicyTable
 from motorgrad._running import RunningMean, add_observation, add_sample, running_mean
 from motorgrad.learning._chain import Adam, Optimizer, PolyakAveraging, Transformation, adam_scaling
 from motorgrad.learning._critics import ValueNetwork, value_network
@@ -35,7 +34,7 @@ from motorgrad.learning._gradients import gradient_of
 from motorgrad.learning._learner import Learner, Needs, Transition
 from motorgrad.learning._scaling import RewardScaling, ScalingState
 from motorgrad.learning._schedules import Annealed, Steps, at
-from motorgrad.learning.algorithms._presets import DISCOUNT, behind_layers, preset
+from motorgrad.learning.algorithms._presets import DISCOUNT, Learnable, PolicyTable, behind_layers, preset
 from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, abilities, adapted, split, trainable
 from motorgrad.schema import Part, inner, number, register
 
@@ -226,7 +225,7 @@ class ActionValueGradient(GradientLearner):
 
     @property
     def needs(self) -> Needs:
-        return Needs(continuous=True, memory="none")
+        return Needs(actions="differentiable", memory="none")
 
     def init(self, key: jax.Array) -> ActionValueGradientState:
         policy = self.first_policy(key)
@@ -289,7 +288,7 @@ class ActionValueGradient(GradientLearner):
 register(Learner, "action-value-gradient", ActionValueGradient)
 
 
-@preset("avg")
+@preset("avg", "real-valued actions, learned from every decision once")
 def avg(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
     r"""Action value gradient (Vasan et al., 2024): follows the learned value of an action, through the action.
 

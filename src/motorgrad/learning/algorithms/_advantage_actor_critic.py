@@ -10,11 +10,10 @@ for those decisions whose consequences reach into the next batch. The learner is
 
 from typing import Any
 
-from motorgrad._natural import Learnable, PolicyTable
-from motorgrad.learning.algorithms._presets import fitted_returns, in_batches, preset
+from motorgrad.learning.algorithms._presets import Learnable, PolicyTable, fitted_returns, in_batches, preset
 
 
-@preset("a2c")
+@preset("a2c", "comparison: batches of a few decisions")
 def a2c(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
     r"""Advantage actor-critic (Mnih et al., 2016): for every 64 decisions, Adam makes a step of policy and of critic.
 

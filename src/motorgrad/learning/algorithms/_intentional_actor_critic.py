@@ -5,12 +5,11 @@ The learner is `Agent`, with an `IntentionalStep`, which has the rule.
 
 from typing import Any
 
-from motorgrad._natural import Learnable, PolicyTable
-from motorgrad.learning.algorithms._presets import preset
+from motorgrad.learning.algorithms._presets import Learnable, PolicyTable, preset
 from motorgrad.learning.algorithms._stream_actor_critic import stream_ac
 
 
-@preset("intentional-ac")
+@preset("intentional-ac", "learning from every decision once, with steps of an intended effect")
 def intentional_ac(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
     r"""Intentional actor-critic (Sharifnassab et al., 2026): two networks whose steps have a given size in the output.
 

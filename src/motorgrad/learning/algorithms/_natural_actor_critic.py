@@ -6,16 +6,27 @@ $$\theta \leftarrow \theta + s\,(F + dI)^{-1}\,\frac1n \sum_t \Big(\frac{\delta_
 The learner is `Agent`, with a least-squares critic, and with the Fisher matrix of each unit or of all parameters.
 """
 
+import math
 from typing import Any
 
-from motorgrad._natural import Learnable, PolicyTable, natural_learner
-from motorgrad.learning.algorithms._presets import behind_layers, preset
+from motorgrad._natural import natural_actor_critic
+from motorgrad.learning.algorithms._presets import (
+    FEATURES,
+    POLICIES,
+    Learnable,
+    PolicyTable,
+    behind_layers,
+    horizon,
+    preset,
+)
 
+MAX_PRODUCT_INPUTS = 40
+"""Inputs of which the critic sees the products of all pairs: they are 820 then."""
 NETWORK = {"kind": "perceptron", "hidden": [128, 128], "activation": "tanh", "sparsity": 0.5}
 """Hidden layers of a policy that follows the natural gradient."""
 
 
-@preset("natural")
+@preset("natural", "any task; the usual choice for actions that are binary or alternatives")
 def natural(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
     r"""The natural actor-critic (Peters & Schaal, 2008), which learned to walk on 24 muscles, for any task.
 
@@ -49,10 +60,10 @@ def natural(task: Learnable, steps: int, policy: PolicyTable | None = None) -> d
     run = mg.train(task, agent, steps=50_000, seeds=10)
     ```
     """
-    return natural_learner(task, steps, policy)
+    return _natural(task, steps, policy)
 
 
-@preset("natural-network")
+@preset("natural-network", "bodies with many muscles that are on or off, where `natural` stops short of the goal")
 def natural_network(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
     r"""The natural actor-critic of `natural`, whose policy has hidden layers that learn.
 
@@ -72,8 +83,32 @@ def natural_network(task: Learnable, steps: int, policy: PolicyTable | None = No
     agent = mg.presets.natural_network(task, steps=3_000_000)
     ```
     """
-    found = natural_learner(task, steps, behind_layers(task, NETWORK, policy), share=1 / 5, entropy=0.1)
+    found = _natural(task, steps, behind_layers(task, NETWORK, policy), share=1 / 5, entropy=0.1)
     batch = found["estimator"]["update_every"]
     kl = found["metric"]["kl"]
     metric = {"kind": "conjugate-gradient", "memory": batch, "iterations": 5, "damping": 0.1, "kl": kl}
     return {**found, "metric": metric}
+
+
+def _natural(
+    task: Learnable, steps: int, policy: PolicyTable | None = None, share: float = 1 / 2, entropy: float = 0.3
+) -> dict[str, Any]:
+    """The preset `natural` as a table: the natural actor-critic for any task, in proportion to a budget of `steps`
+    decisions, with a horizon of a `share` of an episode."""
+    batch = min(1000, max(100, steps // 100))
+    ahead = horizon(task, share)
+    products = task.observation_size <= MAX_PRODUCT_INPUTS
+    # the divergences of independent units add
+    units = 1 if task.actions == "discrete" else task.action_size
+    return natural_actor_critic(
+        POLICIES.get(task.actions, POLICIES["mixed"]) if policy is None else policy,
+        batch=batch,
+        updates=max(1, steps // batch),
+        discount=1 - 1 / ahead,
+        decay=1 - 6 / ahead,
+        memory=10,
+        features={"squares": True, "products": products, "actions": True, **FEATURES},
+        damping=0.03,
+        kl=(0.05 * math.sqrt(units), 0.005),
+        entropy=entropy,
+    )

@@ -1,26 +1,59 @@
 """Presets: a learner for any task as one table of settings, by name; and what several of their tables share."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
 
-from motorgrad._natural import POLICIES, Learnable, PolicyTable
+STEPS = 100_000
+"""Decisions per seed of a training, unless said otherwise."""
+FEATURES = {"nonlinear": 128}
+"""What policy and critic see beside their inputs."""
+POLICIES: dict[str | tuple[str, ...], dict[str, Any]] = {
+    "binary": {"kind": "hyperplanes", "features": FEATURES},
+    "discrete": {"kind": "softmax", "features": FEATURES},
+    "continuous": {"kind": "bounded-hyperplanes", "density": "squashed", "deviation": 1.5, "features": FEATURES},
+    "mixed": {"kind": "mixed", "density": "squashed", "deviation": 1.5, "features": FEATURES},
+}
+"""The policy for a task's kind of actions."""
+PolicyTable = str | Mapping[str, Any]
+"""An initial policy by the name of its kind, or as a table with its settings."""
+
+
+class Learnable(Protocol):
+    """The attributes of a task (`motorgrad.tasks.Task`) with which its learner goes."""
+
+    @property
+    def actions(self) -> str | tuple[str, ...]: ...
+    @property
+    def observation_size(self) -> int: ...
+    @property
+    def action_size(self) -> int: ...
+    @property
+    def action_range(self) -> Sequence[tuple[float, float]]: ...
+    @property
+    def longest_episode(self) -> int | None: ...
+    @property
+    def goal(self) -> object: ...
+
 
 Table = Callable[[Learnable, int, PolicyTable | None], dict[str, Any]]
 """A learner as a table of settings: for a task, the decisions of a training, and the task's own policy or `None`."""
 PRESETS: dict[str, Table] = {}
 """The presets by name, as `preset` registers them."""
+PURPOSES: dict[str, str] = {}
+"""What each preset is for, by its name."""
 SMALL = {"hidden": [64, 64], "activation": "tanh", "layer_norm": False, "sparsity": 0.0, "standardise": True}
 """Hidden layers of policy and critic of batch methods."""
 DISCOUNT = 0.99
 """Of the critics with hidden layers, and of the sum by which their rewards are scaled."""
 
 
-def preset(name: str) -> Callable[[Table], Table]:
-    """A decorator that registers a table as the preset of this name. `motorgrad.presets` has it as a function that
-    returns the learner."""
+def preset(name: str, purpose: str = "") -> Callable[[Table], Table]:
+    """A decorator that registers a table as the preset of this name, with what it is for in a few words.
+    `motorgrad.presets` has it as a function that returns the learner."""
 
     def registered(table: Table) -> Table:
         PRESETS[name] = table
+        PURPOSES[name] = purpose
         ordered = sorted(PRESETS.items())  # whichever file is imported first
         PRESETS.clear()
         PRESETS.update(ordered)
@@ -69,3 +102,9 @@ def fitted_returns(batch: int, passes: int, learning_rate: float) -> dict[str, A
 def large_batch(steps: int) -> int:
     """The decisions of a batch of PPO and TRPO: a fiftieth of a training, from 256 to 2,048, a multiple of 64."""
     return 64 * (min(2048, max(256, steps // 50)) // 64)
+
+
+def horizon(task: Learnable, share: float) -> float:
+    """How many decisions a critic looks ahead: a `share` of an episode. What comes later hardly depends on a decision,
+    but adds its noise."""
+    return min(100.0, max(10.0, share * (task.longest_episode or 200)))

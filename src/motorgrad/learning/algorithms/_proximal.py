@@ -19,7 +19,6 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._branching import NEVER, Flag, any_of, where, where_any
 from motorgrad._errors import check
-from motorgrad._natural import Learnable, PolicyTable, horizon
 from motorgrad.learning._advantages import Advantages
 from motorgrad.learning._baselines import Baseline, MeanReward
 from motorgrad.learning._batches import Batch
@@ -35,7 +34,17 @@ from motorgrad.learning._learner import Decision, Learner, Needs, Transition, fi
 from motorgrad.learning._natural import Metric
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed, Steps, at
-from motorgrad.learning.algorithms._presets import DISCOUNT, SMALL, behind_layers, fitted_returns, large_batch, preset
+from motorgrad.learning.algorithms._presets import (
+    DISCOUNT,
+    SMALL,
+    Learnable,
+    PolicyTable,
+    behind_layers,
+    fitted_returns,
+    horizon,
+    large_batch,
+    preset,
+)
 from motorgrad.policies import Policy, abilities
 from motorgrad.schema import count, inner, number, register, static
 
@@ -260,7 +269,7 @@ class ProximalPolicyOptimization(GradientLearner):
 register(Learner, "proximal", ProximalPolicyOptimization)
 
 
-@preset("ppo")
+@preset("ppo", "observations of thousands of numbers, and comparison")
 def ppo(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
     r"""Proximal policy optimisation (Schulman et al., 2017): ten epochs of the clipped surrogate over each batch.
 
@@ -279,7 +288,7 @@ def ppo(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[
     return _proximal(task, steps, policy)
 
 
-@preset("ppo-short-horizon")
+@preset("ppo-short-horizon", "bodies with dozens of muscles, and millions of decisions")
 def ppo_short_horizon(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
     r"""The preset `ppo` for bodies with many muscles: it looks ahead for a fifth of an episode.
 

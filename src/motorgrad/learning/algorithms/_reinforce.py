@@ -8,11 +8,10 @@ learner is `Agent`.
 
 from typing import Any
 
-from motorgrad._natural import Learnable, PolicyTable
-from motorgrad.learning.algorithms._presets import in_batches, preset
+from motorgrad.learning.algorithms._presets import Learnable, PolicyTable, in_batches, preset
 
 
-@preset("reinforce")
+@preset("reinforce", "comparison: whole episodes, without a critic that bootstraps")
 def reinforce(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
     r"""REINFORCE with a baseline (Williams, 1992; Sutton & Barto, 2018): a step of Adam for each episode.
 

@@ -9,11 +9,10 @@ The learner is `Agent`, with an `OvershootingBound`.
 
 from typing import Any
 
-from motorgrad._natural import Learnable, PolicyTable
-from motorgrad.learning.algorithms._presets import DISCOUNT, behind_layers, preset
+from motorgrad.learning.algorithms._presets import DISCOUNT, Learnable, PolicyTable, behind_layers, preset
 
 
-@preset("stream-ac")
+@preset("stream-ac", "learning from every decision once, storing none")
 def stream_ac(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
     r"""Stream-AC(λ) (Elsayed, Vasan & Mahmood, 2024): two networks that learn from every decision, once.
 

@@ -8,11 +8,17 @@ The learner is `Agent`, with a `ConjugateGradient` metric.
 
 from typing import Any
 
-from motorgrad._natural import Learnable, PolicyTable
-from motorgrad.learning.algorithms._presets import fitted_returns, in_batches, large_batch, preset
+from motorgrad.learning.algorithms._presets import (
+    Learnable,
+    PolicyTable,
+    fitted_returns,
+    in_batches,
+    large_batch,
+    preset,
+)
 
 
-@preset("trpo")
+@preset("trpo", "comparison: batches, with a limit on the change of the policy")
 def trpo(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
     r"""Trust region policy optimisation (Schulman et al., 2015) without its line search: natural steps of 0.01 nats.
 

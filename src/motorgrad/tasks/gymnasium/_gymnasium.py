@@ -14,7 +14,6 @@ from jaxtyping import Array, Float
 from motorgrad._consent import allow
 from motorgrad._errors import check, unknown
 from motorgrad._interface import ActionCode, Interface, ObservationCode
-from motorgrad._natural import STEPS, natural_learner
 from motorgrad._running import RunningMean
 from motorgrad.schema import count, number, static
 from motorgrad.tasks._host_task import HostTask
@@ -193,13 +192,6 @@ class Gymnasium(HostTask):
         facts = self._facts
         read = ("success", "solved", *facts.info[1:]) if facts.succeeds else facts.info
         return ("return", "length", *read)
-
-    @property
-    def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self.learner_for(STEPS)
-
-    def learner_for(self, steps: int) -> Mapping[str, Any]:
-        return natural_learner(self, steps)
 
     @property
     def observation_size(self) -> int:

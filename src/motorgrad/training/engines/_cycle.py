@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._branching import any_of
+from motorgrad._goal import Goal
 from motorgrad._interface import Statistics
 from motorgrad.learning import Learner, Transition, two_sum
 from motorgrad.policies import abilities
@@ -48,6 +49,7 @@ class CycleState(NamedTuple):
     - `memory`: what the task remembers; `observation` and `action`, the present ones.
     - `elapsed`: decisions since the start of the episode, where the task has a time limit.
     - `tally`: sums for the next record.
+    - `raw`: the present observation in the task's own units, where the learner needs that, too: see `Cycle.keeps_raw`.
     """
 
     agent: Any
@@ -57,6 +59,7 @@ class CycleState(NamedTuple):
     action: Array
     elapsed: Int[Array, ""] | None
     tally: Tally
+    raw: Float[Array, " inputs"] | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -97,6 +100,12 @@ class Cycle:
         jax.eval_shape(trace)
         return not isinstance(found[0], int)
 
+    @functools.cached_property
+    def keeps_raw(self) -> bool:
+        """Whether the learner gets observations in the task's own units beside those that are scaled: it needs a goal,
+        whose errors have these units."""
+        return self.mode == "learn" and self.agent.needs.goal is not None and self.task.observation_code.scales
+
     @property
     def restarts(self) -> bool:
         """Whether the dynamics are ever reset: at the end of an episode, or where they diverged."""
@@ -123,12 +132,16 @@ class Cycle:
         zero = jnp.zeros(1 + metrics)
         tally = Tally(zero, zero, jnp.zeros(metrics + 2 + self.first_episode, jnp.int32))
         elapsed = jnp.zeros((), jnp.int32) if self.task.episode_limit else None
-        return CycleState(agent, numbers, memory, observation, jnp.zeros_like(action), elapsed, tally)
+        raw = jnp.zeros_like(observation) if self.keeps_raw else None
+        return CycleState(agent, numbers, memory, observation, jnp.zeros_like(action), elapsed, tally, raw)
 
     def observe(self, cycle: CycleState, state: PyTree, uniforms: Float[Array, " _"]) -> CycleState:
         """The state after an observation of the dynamics in `state`."""
         memory, observation = observe(self.task, cycle.memory, state, uniforms)
-        return cycle._replace(memory=memory, observation=observation)
+        return cycle._replace(memory=memory, observation=observation, raw=self._raw(memory, state, uniforms))
+
+    def _raw(self, memory: PyTree, state: PyTree, uniforms: Float[Array, " _"]) -> Float[Array, " inputs"] | None:
+        return self.task.sense(memory, state, uniforms)[1] if self.keeps_raw else None
 
     def belongs(self, cycle: CycleState, init: Float[Array, " _"], uniforms: Float[Array, " _"]) -> list[bool]:
         """Which leaves of a state belong to the environment that acts, where several feed one learner: those that an
@@ -140,6 +153,7 @@ class Cycle:
             observation=jnp.zeros_like(acted.observation),
             action=jnp.zeros_like(acted.action),
             elapsed=None if acted.elapsed is None else jnp.zeros_like(acted.elapsed),
+            raw=None if acted.raw is None else jnp.zeros_like(acted.raw),
         )
         pairs = zip(jax.tree.leaves(cycle), jax.tree.leaves(after), strict=True)
         return [before is not after for before, after in pairs]
@@ -151,8 +165,7 @@ class Cycle:
         policy learns on."""
         memory = self.task.renew(memory, init)
         memory = memory if self.mode == "learn" else self.task.freeze(memory)
-        memory, observation = observe(self.task, memory, state, uniforms)
-        return cycle._replace(memory=memory, observation=observation)
+        return self.observe(cycle._replace(memory=memory), state, uniforms)
 
     def read_tally(self, tally: Tally) -> dict[str, Array]:
         """A tally by name: the sum of rewards, the mean of each metric (NaN if it never occurred) and its count, and
@@ -190,16 +203,34 @@ class Cycle:
         led = outcome(self.task, cycle.memory, state, cycle.action, uniforms, cycle.elapsed)
         ended = any_of(led.terminated, led.truncated, diverged)
         learner = self.learner(cycle)
-        flags = (led.terminated, led.truncated, diverged)
-        agent = learner.observe(
-            cycle.agent, Transition(cycle.observation, cycle.action, led.reward, led.observation, *flags)
+        raw = self._raw(led.memory, state, uniforms)
+        transition = Transition(
+            cycle.observation,
+            cycle.action,
+            led.reward,
+            led.observation,
+            led.terminated,
+            led.truncated,
+            diverged,
+            raw=cycle.raw,
+            next_raw=raw,
         )
+        agent = learner.observe(cycle.agent, transition)
         if update and self.mode == "learn" and self.agent.needs.goal is not None:
-            agent = learner.update(agent, self.task.goal)
+            agent = learner.update(agent, self._goal(led.memory))
         elif update:
             agent = learner.update(agent)
         tally = self._count(cycle.tally, led.memory, state, led.reward, ended, diverged)
-        return CycleState(agent, cycle.numbers, led.memory, led.observation, cycle.action, led.elapsed, tally), ended
+        after = CycleState(agent, cycle.numbers, led.memory, led.observation, cycle.action, led.elapsed, tally, raw)
+        return after, ended
+
+    def _goal(self, memory: PyTree) -> Goal | None:
+        """The goal of the task, which shows observations in its own units as policies see them now."""
+        goal = self.task.goal
+        if goal is None or not self.keeps_raw:
+            return goal
+        mean, variance = self.task.statistics(memory) or (None, None)
+        return goal._replace(shown=functools.partial(self.task.observation_code.encode, mean, variance))
 
     def decisions_until_due(self, cycle: CycleState) -> int | Int[Array, ""]:
         """How many decisions at least can be learned from without an update."""
@@ -214,9 +245,9 @@ class Cycle:
         uniforms: Float[Array, " _"],
     ) -> CycleState:
         """Begin a new episode `where` one has ended and the dynamics were reset to `state`."""
-        memory, observation = observe(self.task, self.task.renew(cycle.memory, init), state, uniforms)
         elapsed = None if cycle.elapsed is None else jnp.zeros_like(cycle.elapsed)
-        fresh = cycle._replace(memory=memory, observation=observation, elapsed=elapsed)
+        renewed = cycle._replace(memory=self.task.renew(cycle.memory, init), elapsed=elapsed)
+        fresh = self.observe(renewed, state, uniforms)
         return jax.tree.map(lambda new, old: jnp.where(where, new, old), fresh, cycle)
 
     def _count(

@@ -226,8 +226,8 @@ def validate_needs(task: Task, agent: Learner) -> None:
     for setting in () if task.has_episodes else needs.episodes:
         raise ValueError(f"{setting}: needs episodes, but the task {task.name!r} has none; give it a time limit")
     if needs.goal is not None and task.goal is None:
-        has = "a composed task has one with scaling = 'none', one target that stays, its error observed, and a reward"
-        raise ValueError(f"{needs.goal}: needs a goal, but the task {task.name!r} has none; {has} of its distance")
+        has = "a composed task has one with one target that stays, its error observed, and a reward of its distance"
+        raise ValueError(f"{needs.goal}: needs a goal, but the task {task.name!r} has none; {has}")
 
 
 def fits(state: PyTree[np.ndarray], template: PyTree[np.ndarray]) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from motorgrad._errors import check, unknown
+from motorgrad._errors import check, plain, unknown
 from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad._myosuite import is_of_myosuite
@@ -207,7 +207,10 @@ def _learner_options(given: Arguments, scene: Mapping[str, Any]) -> Any:
     check(name is not None, "the first word", given.rest[:1], "a task, a body, an MJCF file: motorgrad sim TASK ...")
     kind, given = command_with_learner(Options, "Sim", "Watch it learn", str(name), given)
     kind.scene = scene
-    return resolve(kind, given, f"sim {name}")
+    options = resolve(kind, given, f"sim {name}")
+    if kind.choice is not None and options.run is None:  # a stored run has its learner
+        print(plain(f"learner: {kind.choice}"), file=sys.stderr)
+    return options
 
 
 def _setup(options: Any, place: Place) -> live.Setup:

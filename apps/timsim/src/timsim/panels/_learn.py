@@ -21,15 +21,16 @@ from motorgrad._files import write_atomically
 from motorgrad._limits import MAX_SETTINGS_BYTES
 from motorgrad._reading import content_of
 from motorgrad.bodies import Anatomy
+from motorgrad.learning import PURPOSES
 from motorgrad.schema import table
 from motorgrad.tasks import Composed, compose, suggestions
-from motorgrad.training import PRESETS, agent_for
+from motorgrad.training import PRESETS, agent_for, choice_for
 from timsim.live import Session, Setup, Snapshot, confined, setup_of, succeed
 from timsim.panels._panel import REFUSED, Panel
 from timsim.panels._term_forms import PLACES, TermList
 from timsim.scene import Pose
 
-OWN = "the task's own"
+OWN = "chosen by the task"
 AS_IT_IS = "as it is"
 EACH = "one for each muscle"
 TOGETHER = "one for each pattern"
@@ -80,6 +81,7 @@ class LearnPanel(Panel):
             self._limit = gui.add_text("Longest episode (s)", "", hint="Without a number episodes have no limit.")
         with gui.add_folder("Learner"):
             self._preset = gui.add_dropdown("Preset", (OWN, *PRESETS), initial_value=OWN)
+            self._why = gui.add_html("")
             self._steps = gui.add_text("Decisions", f"{STEPS:,}", hint="Over which what is annealed ends.")
             self._seed = gui.add_number("Seed", session.setup.seed, min=0, step=1)
         with gui.add_folder("Task in a file"):
@@ -88,7 +90,11 @@ class LearnPanel(Panel):
                 "Save as TOML", icon=viser.Icon.DEVICE_FLOPPY, hint="`motorgrad train FILE` then repeats it."
             )
         self._take(self._goals[first])
+        if first == AS_IT_IS:
+            self._explain(session.task)
         self._goal.on_update(self._choose)
+        for field in (self._preset, self._actions, self._steps):
+            field.on_update(lambda event: event.client is None or self._tried(self._explain))
         self._learn.on_click(lambda _: self._start(self._setup))
         save.on_click(lambda _: self._tried(self._save))
 
@@ -144,6 +150,16 @@ class LearnPanel(Panel):
     def _choose(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._take(self._goals[event.target.value])
+            self._tried(self._explain)
+
+    def _explain(self, task: Composed | None = None) -> None:
+        """Say which preset the task gets by itself and why, or what the preset is for that the user has chosen."""
+        if self._preset.value != OWN:
+            self._why.content = said(f"For {PURPOSES[self._preset.value]}.")
+        else:
+            choice = choice_for(self.task() if task is None else task, steps=self._decisions())
+            self._why.content = said(f"Now {choice}.")
+        self._tell("")
 
     def _setup(self) -> Setup:
         """A learner of the task."""
@@ -201,8 +217,13 @@ class LearnPanel(Panel):
             self._tell(" ".join(str(error).split()), "#c92a2a")
 
     def _tell(self, words: str, colour: str = "inherit") -> None:
-        style = f"color:{colour};font-size:12.5px;margin:2px 12px 6px;overflow-wrap:anywhere"
-        self._said.content = f'<div role="status" style="{style}">{html.escape(words)}</div>' if words else ""
+        self._said.content = said(words, colour)
+
+
+def said(words: str, colour: str = "inherit") -> str:
+    """A message of the page as HTML."""
+    style = f"color:{colour};font-size:12.5px;margin:2px 12px 6px;overflow-wrap:anywhere"
+    return f'<div role="status" style="{style}">{html.escape(words)}</div>' if words else ""
 
 
 def body_of(session: Session) -> Any:

@@ -3,6 +3,7 @@
 import abc
 import dataclasses
 import functools
+from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import equinox as eqx
@@ -312,6 +313,7 @@ class Sizes(Task):
     """The sizes of observations and actions in a diagram, in the place of a task, for policies and learners."""
 
     name: ClassVar[str] = "diagram"
+    learner: ClassVar[Mapping[str, Any]] = {}
 
     observed: int
     acted: int
