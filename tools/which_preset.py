@@ -186,7 +186,7 @@ def peer(learner: str, env_id: str, kwargs: dict[str, Any], steps: int, seed: in
     trial = Monitor(gymnasium.make(env_id, **kwargs))
     trial.reset(seed=seed + 1_000_000)
     mean, _ = evaluate_policy(model, trial, n_eval_episodes=EPISODES, deterministic=True)
-    return {"cpu": cpu, "evaluated": float(mean)}
+    return {"cpu": cpu, "evaluated": float(np.mean(mean))}
 
 
 def cost(trial: Trial, rounds: int = 5, chunk: int = 1_000) -> dict[str, list[float]]:

@@ -58,7 +58,7 @@ def learning(work: Work) -> Figure:
 
 def forces(work: Work) -> Figure:
     """The muscle forces of an arm that has learned, over a reach, at every physics step."""
-    run = work.train("composed", {"preset": "natural"}, 20_000, 1, "composed-graded")
+    run = work.train("composed", mg.presets.natural("composed", 20_000), 20_000, 1, "composed-graded")
     table = mg.rollout(run, seconds=1.0, mode="mode", every="step")
     figure, panel = panels(1, height=3.0)
     panel.plot(table["time"], table["muscle force"], label=table.names("muscle force"))

@@ -20,7 +20,7 @@ import motorgrad  # noqa: F401 (registers the ids)
 from motorgrad.benchmarks._measure import Row, in_turn
 from motorgrad.bodies import BodyBatch, Mjcf, compile_model, group_places
 from motorgrad.bodies import Hopper as HopperBody
-from motorgrad.learning import SGD, Adam, Agent, olgarb, olpomdp
+from motorgrad.learning import SGD, Adam, Agent, Learner, olgarb, olpomdp
 from motorgrad.policies import bounded_hyperplanes, hyperplanes, softmax
 from motorgrad.presets import natural
 from motorgrad.tasks import BodyTask, Hopper, HostTask, from_gymnasium, myosuite
@@ -28,7 +28,13 @@ from motorgrad.training import BodyStepper, SideBySide, agent_for, stepper_for, 
 
 
 def body_row(
-    name: str, task: BodyTask, seeds: int, decisions: int, pairs: int = 5, wanted: str = "", agent: Agent | None = None
+    name: str,
+    task: BodyTask,
+    seeds: int,
+    decisions: int,
+    pairs: int = 5,
+    wanted: str = "",
+    agent: Learner | None = None,
 ) -> Row:
     """Physics steps per second while learning, by default with the task's own agent, against `mujoco.batch` alone."""
 

@@ -41,7 +41,9 @@ def command_with_learner(
         table = given.table.get("agent")
         named = {**(table if isinstance(table, Mapping) else {}), **of_agent, **dict.fromkeys(swept)}
         choice = None if "preset" in how else choice_for(task, named, **how)
-        agent = agent_for(task, table, **how, **({} if choice is None else {"preset": choice.preset}))
+        if choice is not None:
+            how["preset"] = choice.preset
+        agent = agent_for(task, table, **how)
         agent = with_changes(agent, of_agent)
     left = {key: value for key, value in given.table.items() if key not in ("task", "agent")}
     kind = _with_fields(base, name, does, task, agent)

@@ -50,9 +50,9 @@ class Task(Settings, abc.ABC):
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]  # of every subclass
     name: ClassVar[str]
     """The name in the registry."""
-    learner: ClassVar[Mapping[str, Any] | None] = None
-    """Learner settings suited to the task, as in `motorgrad.training.agent_for`; `None` for the preset that is chosen
-    by what the task is (`motorgrad.presets.choose`)."""
+    learner: ClassVar[Any] = None
+    """Learner settings suited to the task, a table as in `motorgrad.training.agent_for`; `None` for the preset that is
+    chosen by what the task is (`motorgrad.presets.choose`)."""
     uniforms: ClassVar[int] = 0
     """Numbers from U[0, 1) that `observe` consumes."""
     init_uniforms: ClassVar[int] = 0

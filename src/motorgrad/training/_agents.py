@@ -4,7 +4,7 @@ import dataclasses
 import math
 import numbers
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import jax
 import jax.numpy as jnp
@@ -131,7 +131,7 @@ def choice_for(
 
 def _not_of(own: Mapping[str, Any], changes: Mapping[str, Any]) -> str | None:
     """The first of the changes that a learner, as a table, does not take."""
-    learner = Learner.kinds()[own.get("kind", USUAL)]
+    learner = cast(type[Learner], Learner.kinds()[own.get("kind", USUAL)])
     known = {field.name for field in dataclasses.fields(learner)} | {*learner.aliases}
     for path in changes:
         if path.partition(".")[0] not in known:
@@ -156,7 +156,7 @@ def preset_agent(name: str) -> PresetAgent:
     def agent(
         task: Task | str, steps: int = STEPS, changes: Mapping[str, object] | None = None, **more: object
     ) -> Learner:
-        return agent_for(task, changes, preset=name, steps=steps, **more)
+        return agent_for(task, changes, preset=name, steps=steps, **cast(dict[str, Any], more))
 
     # what `functools.wraps` sets beside these would show the arguments of the table
     for about in ("__name__", "__qualname__", "__doc__"):

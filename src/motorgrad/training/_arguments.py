@@ -80,8 +80,9 @@ def check_training(
     check(valid, "threads", threads, f"0 for one per processor, or a number of at most {MAX_THREADS}")
     shared = envs if is_integer(envs) and envs > 0 else 1
     choice = None
-    learner = agent
-    if not isinstance(learner, Learner):
+    if isinstance(agent, Learner):
+        learner = agent
+    else:
         choice = choice_for(task, {**(agent or {}), **dict.fromkeys(swept_names(sweep))}, steps=int(steps), envs=shared)
         learner = agent_for(task, agent, preset=None if choice is None else choice.preset, steps=int(steps))
     own_window = -(-max(1, int(steps) // 200) // shared) * shared

@@ -90,11 +90,11 @@ class LearnPanel(Panel):
                 "Save as TOML", icon=viser.Icon.DEVICE_FLOPPY, hint="`motorgrad train FILE` then repeats it."
             )
         self._take(self._goals[first])
-        if first == AS_IT_IS:
+        if isinstance(session.task, Composed):
             self._explain(session.task)
         self._goal.on_update(self._choose)
         for field in (self._preset, self._actions, self._steps):
-            field.on_update(lambda event: event.client is None or self._tried(self._explain))
+            field.on_update(self._decide)
         self._learn.on_click(lambda _: self._start(self._setup))
         save.on_click(lambda _: self._tried(self._save))
 
@@ -150,6 +150,10 @@ class LearnPanel(Panel):
     def _choose(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._take(self._goals[event.target.value])
+            self._tried(self._explain)
+
+    def _decide(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
             self._tried(self._explain)
 
     def _explain(self, task: Composed | None = None) -> None:
