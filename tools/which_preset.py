@@ -56,13 +56,15 @@ class Trial:
     - `title`: the task in a table.
     - `steps`: the budget, in decisions per seed.
     - `arm`: the file of an arm that reaches for places in a `box` in front of it, from its lowest to its highest
-      corner, in m; or `env_id`, of Gymnasium, with the `kwargs` of its `make`.
+      corner, in m, of which `reachable` leaves those that some pose reaches; or `env_id`, of Gymnasium, with the
+      `kwargs` of its `make`.
     """
 
     title: str
     steps: int
     arm: str | None = None
     box: tuple[Point, Point] | None = None
+    reachable: bool = False
     env_id: str = ""
     kwargs: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
@@ -74,7 +76,7 @@ class Trial:
         low, high = self.box
         return compose(
             ARMS / f"{self.arm}.xml",
-            targets=[terms.Reach("hand", low=low, high=high)],
+            targets=[terms.Reach("hand", low=low, high=high, reachable=self.reachable)],
             observe=["joint-positions", "joint-velocities", "target", "target-error"],
             reward=[terms.Distance(), terms.Closeness(width=0.05), terms.Effort(weight=-0.05)],
             reset=[terms.RandomJoints(share=0.5)],
@@ -112,6 +114,7 @@ TRIALS = {
         REACH,
         "shoulder-in-space",
         ((0.2, -0.35, -0.3), (0.4, -0.1, 0.0)),
+        reachable=True,
     ),
     "light": Trial(
         "light arm of two joints and four muscles", REACH, "light-arm", ((0.0, 0.12, 0.0), (0.2, 0.28, 0.0))
