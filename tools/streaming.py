@@ -307,10 +307,19 @@ def tables() -> str:
         text += [f"**`{task.env_id}`**, {task.steps:,} decisions", ""]
         text += [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
         for run in found:
-            cells = [f"`{run['learner']}`", str(len(run["seeds"])), _range(earned(run)), _number(run["cpu"])]
+            cells = [
+                f"`{run['learner']}`",
+                str(len(run["seeds"])),
+                in_brackets(earned(run)),
+                in_three_digits(run["cpu"]),
+            ]
             if (times := reached(run)) is not None:
                 share = times / (task.steps * task.period)
-                cells += [_range(times), _range(run["cpu"] * share), f"{np.isfinite(times).sum()} of {len(times)}"]
+                cells += [
+                    in_brackets(times),
+                    in_brackets(run["cpu"] * share),
+                    f"{np.isfinite(times).sum()} of {len(times)}",
+                ]
             text.append(f"| {' | '.join(cells)} |")
         text.append("")
     return "\n".join(text).rstrip()
@@ -330,7 +339,7 @@ def summary() -> str:
                 counts = [*counts, "–"]
                 continue
             best = max(runs, key=lambda run: _median(earned(run)))
-            cells += [f"`{best['learner']}` {_range(earned(best))}", _number(best["cpu"])]
+            cells += [f"`{best['learner']}` {in_brackets(earned(best))}", in_three_digits(best["cpu"])]
             counts.append(str(len(best["seeds"])))
         lines.append(f"| {' | '.join(cells)} | {', '.join(counts)} |")
     return "\n".join(lines)
@@ -345,13 +354,13 @@ def _median(values: np.ndarray) -> float:
     return float(np.quantile(values, 0.5, method="lower"))
 
 
-def _range(values: np.ndarray) -> str:
+def in_brackets(values: np.ndarray) -> str:
     """The median of the seeds, and the least and the greatest."""
-    low, middle, high = (_number(v) for v in (np.min(values), _median(values), np.max(values)))
+    low, middle, high = (in_three_digits(v) for v in (np.min(values), _median(values), np.max(values)))
     return middle if len(values) == 1 else f"{middle} [{low} … {high}]"
 
 
-def _number(value: float) -> str:
+def in_three_digits(value: float) -> str:
     """A number in three digits, without an exponent."""
     if np.isinf(value):
         return "never"

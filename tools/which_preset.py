@@ -20,6 +20,7 @@ import json
 import os
 import re
 import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ from motorgrad.learning import PRESETS, PURPOSES
 from motorgrad.tasks import Task, compose, terms
 from motorgrad.training import agent_for, choice_for, provenance, stepper_for
 from tools.myosuite import DATA, ROOT, Clock
+from tools.streaming import in_brackets, in_three_digits
 
 ARMS = ROOT / "tools" / "arms"
 PAGE = ROOT / "docs" / "which-preset.md"
@@ -162,7 +164,7 @@ def learn_peer(trial: Trial, learner: str, seeds: list[int], steps: int) -> dict
 
 def _in_process(trial: Trial, learner: str, seed: int, steps: int) -> dict[str, float]:
     what = json.dumps([learner, trial.env_id, dict(trial.kwargs), steps, seed])
-    command = ["python", "-m", "tools.which_preset", "peer", what]
+    command = [sys.executable, "-m", "tools.which_preset", "peer", what]
     made = subprocess.run(
         command, check=True, capture_output=True, text=True, env={**os.environ, "XLA_FLAGS": ONE_THREAD}
     )
@@ -238,7 +240,7 @@ def table() -> str:
         elif run["learner"] in PEERS:
             name = PEERS[run["learner"]]
         cells = [trial.title, f"{run['steps']:,}", name, str(len(run["seeds"]))]
-        cells += [_range(np.array(run["evaluated"])) + unit, f"{np.mean(run['cpu']):,.0f}"]
+        cells += [in_brackets(np.array(run["evaluated"])) + unit, f"{np.mean(run['cpu']):,.0f}"]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
@@ -251,7 +253,7 @@ def measured() -> dict[str, Any]:
             continue
         trial = TRIALS[run["task"]]
         middle = float(np.median(run["evaluated"]))
-        reached = f"{_number(middle)} %" if trial.arm else _number(middle)
+        reached = f"{in_three_digits(middle)} %" if trial.arm else in_three_digits(middle)
         entry = found.setdefault(run["preset"], {"cost": [], "reached": {}})
         entry["cost"].append(1e3 * float(np.mean(run["cpu"])) / run["steps"])
         entry["reached"][trial.title] = f"{reached} after {run['steps']:,} decisions"
@@ -269,16 +271,6 @@ def purposes() -> str:
         cost = known[name]["cost"] if name in known else "–"
         lines.append(f"| `{name}` | {PURPOSES[name]} | {cost} |")
     return "\n".join(lines)
-
-
-def _range(values: np.ndarray) -> str:
-    low, middle, high = (_number(v) for v in (np.min(values), np.median(values), np.max(values)))
-    return middle if len(values) == 1 else f"{middle} [{low} … {high}]"
-
-
-def _number(value: float) -> str:
-    text = f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
-    return text.replace("-", "−")
 
 
 def draw() -> None:
@@ -320,7 +312,7 @@ def main(arguments: list[str] | None = None) -> None:
         found = cost(trial)
         for name, each in found.items():
             ratios = np.array(found["sac"]) / np.array(each)
-            print(f"{name}: {_range(np.array(each))} ms a decision; sac ÷ {name}: {_range(ratios)}")
+            print(f"{name}: {in_brackets(np.array(each))} ms a decision; sac ÷ {name}: {in_brackets(ratios)}")
         return
     steps = given.steps or trial.steps
     seeds = list(range(given.first, given.first + given.seeds))

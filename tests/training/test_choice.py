@@ -1,6 +1,7 @@
 """The preset that a task gets by itself: what decides, what is said, and that every way in makes the same choice."""
 
 import dataclasses
+import math
 from typing import Any, ClassVar
 
 import pytest
@@ -29,6 +30,7 @@ class Kind:
     action_size: int = 4
     longest_episode: int | None = 100
     goal: object = None
+    action_range: Any = ((0.0, 1.0), (0.0, 1.0))
 
 
 @pytest.mark.parametrize(
@@ -53,6 +55,22 @@ def test_what_a_task_is_decides(task, how, preset, reason):
     assert choice.reason.startswith(reason)
     assert choice.alternative in {*PRESETS} - {preset}
     assert str(choice) == f"preset {preset!r}, because {choice.reason}; preset {choice.alternative!r} {choice.gain}"
+
+
+@pytest.mark.parametrize(
+    ("task", "target"),
+    [
+        (Kind(), -1.7),
+        (Kind(action_range=((-1.0, 1.0),)), math.log(2) - 1.7),
+        (Kind(action_range=((-math.inf, math.inf),)), math.log(2) - 1.7),  # as between -1 and 1
+        (Kind("discrete", action_size=3), 0.1),
+        (Kind("discrete", action_size=3, goal=()), 0.1),
+        (Kind(goal=()), None),  # it explores by its targets
+    ],
+)
+def test_what_explores_is_a_finite_entropy_or_the_targets(task, target):
+    found = PRESETS["sac"](task, 10_000, None)["entropy_target"]
+    assert found == (None if target is None else {"target": pytest.approx(target)})
 
 
 @pytest.mark.parametrize(("name", "value"), [("steps", 0), ("steps", 1.5), ("envs", 0)])

@@ -77,6 +77,25 @@ def test_it_is_frozen_compared_and_taken_back(name, driven, neighbours, tmp_path
     assert np.any(watched.seen()["parameters"][0] != end["parameters"][0])
 
 
+@pytest.mark.ci
+def test_a_task_with_a_goal_that_scales_is_frozen_and_learns_on(driven):
+    """The replay keeps the task's own units; what is lost at the freeze must not put scaled numbers among them."""
+    small = {"hidden": [8]}
+    changes = {"policy.network": small, "values.network": small, "replay.start": 20, "replay.batch": 8}
+    agent = agent_for("composed", changes, preset="sac", steps=4_000)
+    watched = driven(live.setup_of("composed", agent, seed=3))
+    watched(live.Step(50), live.Freeze(), live.Step(10))
+    frozen = watched.seen()
+    watched(live.Thaw(), live.Step(50))
+    assert np.any(watched.seen()["parameters"][0] != frozen["parameters"][0])
+    experience = watched.worker.subject._stepper.state["cycle"].agent.experience
+    rows = np.asarray(experience.observations[0])[np.asarray(experience.episode[0]) >= 0]
+    height = rows[:, mg.make("composed").observation_names.index("target y")]
+    assert len(height) > 90
+    assert height.min() >= 0.25  # the box from which targets are drawn, in m
+    assert height.max() <= 0.45
+
+
 def test_it_begins_frozen_and_learns_when_thawed(driven, neighbours):
     watched = driven(live.setup_of("linear-recruitment", FAMILIES["neighbours"], seed=3, frozen=True))
     start = watched.seen()["parameters"][0].copy()

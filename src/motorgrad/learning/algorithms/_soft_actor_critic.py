@@ -237,16 +237,18 @@ def sac(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[
     ahead = horizon(task, 1 / 5)
     network = {"hidden": [128, 128], "activation": "relu", "sparsity": 0.0, "standardise": True}
     own = behind_layers(task, network, policy)
-    explores = task.goal is None
+    alternatives = task.actions == "discrete"
+    explores = alternatives or task.goal is None
     if own["kind"] in ("bounded-hyperplanes", "graded-hyperplanes"):
         # The filter of noise that lasts as long as that of "ppo-short-horizon" would delay actions, and a limb would
         # swing about its target in place of holding it (docs/myosuite.md).
         noise = {"floor": 0.01} if explores else {"floor": 0.1, "autocorrelation": max(0.0, 1 - 15 / ahead)}
         own = {**own, "deviation": 0.5, **noise}
     entropy = ENTROPY_OF_ALTERNATIVES
-    if task.actions == "continuous":
-        low, high = np.asarray(task.action_range, float).T
-        entropy = float(np.log(high - low).mean()) - BELOW_UNIFORM
+    if not alternatives:
+        width = np.ptp(np.asarray(task.action_range, float).reshape(-1, 2), axis=1)
+        bounded = np.where(np.isfinite(width), width, 2.0)  # an unbounded number counts as one between -1 and 1
+        entropy = float(np.log(bounded).mean()) - BELOW_UNIFORM
     hindsight = {"kind": "hindsight", "share": 2 / 3, "ahead": ahead, "others": 0.5}
     return {
         "kind": "soft-actor-critic",

@@ -103,8 +103,8 @@ class Cycle:
     @functools.cached_property
     def keeps_raw(self) -> bool:
         """Whether the learner gets observations in the task's own units beside those that are scaled: it needs a goal,
-        whose errors have these units."""
-        return self.mode == "learn" and self.agent.needs.goal is not None and self.task.observation_code.scales
+        whose errors have these units. In every mode, so that a run can be frozen and learn on."""
+        return self.agent.needs.goal is not None and self.task.observation_code.scales
 
     @property
     def restarts(self) -> bool:
@@ -217,14 +217,14 @@ class Cycle:
         )
         agent = learner.observe(cycle.agent, transition)
         if update and self.mode == "learn" and self.agent.needs.goal is not None:
-            agent = learner.update(agent, self._goal(led.memory))
+            agent = learner.update(agent, self.goal(led.memory))
         elif update:
             agent = learner.update(agent)
         tally = self._count(cycle.tally, led.memory, state, led.reward, ended, diverged)
         after = CycleState(agent, cycle.numbers, led.memory, led.observation, cycle.action, led.elapsed, tally, raw)
         return after, ended
 
-    def _goal(self, memory: PyTree) -> Goal | None:
+    def goal(self, memory: PyTree) -> Goal | None:
         """The goal of the task, which shows observations in its own units as policies see them now."""
         goal = self.task.goal
         if goal is None or not self.keeps_raw:

@@ -30,8 +30,11 @@ class Kept(NamedTuple):
         def ended(cycle: CycleState, state: PyTree) -> tuple[Any, Array]:
             learner = engine.cycle.learner(cycle)
             seen = cycle.observation
-            lost = Transition(seen, cycle.action, jnp.zeros(()), seen, diverged=jnp.asarray(True))
-            goal = () if learner.needs.goal is None else (engine.task.goal,)
+            raw = cycle.raw
+            lost = Transition(
+                seen, cycle.action, jnp.zeros(()), seen, diverged=jnp.asarray(True), raw=raw, next_raw=raw
+            )
+            goal = () if learner.needs.goal is None else (engine.cycle.goal(cycle.memory),)
             agent = learner.update(learner.observe(cycle.agent, lost), *goal)
             return agent, learner.readings(agent).get("baseline", jnp.asarray(jnp.nan))
 
