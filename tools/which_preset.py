@@ -21,9 +21,9 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from motorgrad._files import write_atomically
 from motorgrad.learning import PRESETS, PURPOSES
 from motorgrad.tasks import Task, compose, terms
 from motorgrad.training import agent_for, choice_for, provenance, stepper_for
+from tools import myosuite, streaming
 from tools.myosuite import DATA, ROOT, Clock
 from tools.streaming import in_brackets, in_three_digits
 
@@ -245,18 +246,52 @@ def table() -> str:
     return "\n".join(lines)
 
 
-def measured() -> dict[str, Any]:
-    """By preset what it was seen to reach, and its processor time a decision, for `motorgrad list presets`."""
-    found: dict[str, Any] = {}
+class Seen(NamedTuple):
+    """What a preset reached on a task, in words, and its processor time of a decision in ms."""
+
+    preset: str
+    task: str
+    reached: str
+    cost: float
+
+
+def seen() -> Iterator[Seen]:
+    """Stored runs of presets: of this table, of the streaming learners, and of MyoSuite."""
     for run in stored():
         if run["learner"] in PEERS:
             continue
         trial = TRIALS[run["task"]]
-        middle = float(np.median(run["evaluated"]))
-        reached = f"{in_three_digits(middle)} %" if trial.arm else in_three_digits(middle)
-        entry = found.setdefault(run["preset"], {"cost": [], "reached": {}})
-        entry["cost"].append(1e3 * float(np.mean(run["cpu"])) / run["steps"])
-        entry["reached"][trial.title] = f"{reached} after {run['steps']:,} decisions"
+        middle = in_three_digits(float(np.median(run["evaluated"])))
+        reached = f"{middle} %" if trial.arm else middle
+        yield Seen(run["preset"], trial.title, _after(reached, run), 1e3 * float(np.mean(run["cpu"])) / run["steps"])
+    for name, task in streaming.TASKS.items():
+        for run in streaming.stored(name):
+            if run["learner"] in PRESETS and run["learner"] in streaming.OURS:
+                middle = in_three_digits(float(np.median(streaming.earned(run))))
+                yield Seen(
+                    run["learner"],
+                    f"{task.env_id} ({task.label})",
+                    _after(middle, run),
+                    1e3 * run["cpu"] / run["steps"],
+                )
+    for run in myosuite.stored():
+        if run["learner"] in PRESETS and run["learner"] in myosuite.OURS:
+            solved = 100 * float(np.median(run["evaluated"]["mode"]["solved"]))
+            cost = 1e3 * run["took"]["cpu"] / len(run["seeds"]) / run["steps"]
+            yield Seen(run["learner"], run["env_id"], _after(f"{solved:.0f} % of decisions solved", run), cost)
+
+
+def _after(reached: str, run: Mapping[str, Any]) -> str:
+    return f"{reached} after {run['steps']:,} decisions"
+
+
+def measured() -> dict[str, Any]:
+    """By preset what it was seen to reach, and its processor time a decision, for `motorgrad list presets`."""
+    found: dict[str, Any] = {}
+    for each in sorted(seen(), key=lambda each: [*PRESETS].index(each.preset)):
+        entry = found.setdefault(each.preset, {"cost": [], "reached": {}})
+        entry["cost"].append(each.cost)
+        entry["reached"][each.task] = each.reached
     for entry in found.values():
         ends = [f"{end(entry['cost']):.2g}" for end in (min, max)]
         entry["cost"] = " … ".join(dict.fromkeys(ends))

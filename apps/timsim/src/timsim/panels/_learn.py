@@ -66,6 +66,7 @@ class LearnPanel(Panel):
         self._learn = gui.add_button(
             "Learn", icon=viser.Icon.PLAYER_PLAY, hint="Starts a learner in place of this run."
         )
+        self._why = gui.add_html("")
         self._said = gui.add_html("")
         self._back: Any = None
         if session.task is not None:
@@ -81,7 +82,6 @@ class LearnPanel(Panel):
             self._limit = gui.add_text("Longest episode (s)", "", hint="Without a number episodes have no limit.")
         with gui.add_folder("Learner"):
             self._preset = gui.add_dropdown("Preset", (OWN, *PRESETS), initial_value=OWN)
-            self._why = gui.add_html("")
             self._steps = gui.add_text("Decisions", f"{STEPS:,}", hint="Over which what is annealed ends.")
             self._seed = gui.add_number("Seed", session.setup.seed, min=0, step=1)
         with gui.add_folder("Task in a file"):
@@ -90,8 +90,8 @@ class LearnPanel(Panel):
                 "Save as TOML", icon=viser.Icon.DEVICE_FLOPPY, hint="`motorgrad train FILE` then repeats it."
             )
         self._take(self._goals[first])
-        if isinstance(session.task, Composed):
-            self._explain(session.task)
+        if self._goals[first]:
+            self._tried(lambda: self._explain(session.task if isinstance(session.task, Composed) else None))
         self._goal.on_update(self._choose)
         for field in (self._preset, self._actions, self._steps):
             field.on_update(self._decide)
