@@ -51,6 +51,7 @@ def test_senses_and_reward_are_chosen_on_the_page_and_it_learns(browser, tmp_pat
         seen.get_by_text("simulated time", exact=True).wait_for()
         press(seen, "Task")
         choose(seen, "Goal", "reach a place")
+        seen.get_by_text("preset 'sac', because its actions are real numbers and it has a goal").wait_for()
         choose(seen, "Add to observe", "muscle-lengths")
         choose(seen, "Add to reward", "alive")
 
