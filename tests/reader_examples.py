@@ -12,11 +12,12 @@ import gymnasium
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from PIL import Image
 
 import motorgrad as mg
 import timlab
 from motorgrad._files import read_arrays
-from motorgrad.bodies import Arm, read_model
+from motorgrad.bodies import Arm, Terrain, read_model
 from motorgrad.bodies.arm._lift import LiftTable
 from motorgrad.cli import main
 from motorgrad.export._reader import read as read_exported
@@ -51,6 +52,11 @@ class Reader:
     finish: Callable[[Path], Any] = lambda file: None
     nameless: bool = False
     needs: str = ""
+
+
+def picture(folder: Path) -> Path:
+    Image.fromarray(np.arange(16, dtype=np.uint8).reshape(4, 4)).save(folder / "map.png")
+    return folder / "map.png"
 
 
 def written(name: str, content: str | bytes) -> Callable[[Path], Path]:
@@ -297,6 +303,12 @@ READERS = {
         archive(time=np.arange(3.0), values=np.zeros(3)), lambda file: Follow(joints="j", file=str(file))
     ),
     "map of a planet": Reader(array("map.npy", np.zeros((8, 16))), lambda file: Planet(map=file).surface),
+    "ground as a picture": Reader(picture, lambda file: Terrain(map=file).heights()),
+    "ground as an array": Reader(array("map.npy", np.eye(8)), lambda file: Terrain(map=file).heights()),
+    "ground as a table": Reader(written("m.csv", "1,2\n3,4.5\n"), lambda file: Terrain(map=file).heights()),
+    "ground as a grid": Reader(
+        written("m.asc", "ncols 2\nnrows 2\nNODATA_value -9\n1 2 3 4.5\n"), lambda file: Terrain(map=file).heights()
+    ),
     "table of lifts": Reader(lift_table, LiftTable.load),
     "index of a study": Reader(lambda folder: study_in(folder).path / "index.parquet", read_index),
     "study in its folder": Reader(

@@ -33,6 +33,10 @@ MAX_MOTION_BYTES = 200 * 2**20
 MAX_MOTION_SECONDS = 10_000
 """The length of a motion that TimSim plays, of which it makes 100 frames a second."""
 MAX_HEIGHT_MAP_BYTES = 2**30
+MAX_ELEVATION_BYTES = 2**27
+"""The size of a file with the elevation of ground."""
+MAX_ELEVATION_POINTS = 2**22
+"""Points of such a file, as many as 2048 × 2048."""
 MAX_POLICY_SPARE_BYTES = 2**20
 """The size of an entry of a saved policy, beside the numbers that the policy has."""
 MAX_FMU_BYTES = 2**30

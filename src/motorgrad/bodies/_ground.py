@@ -5,7 +5,9 @@
 
 import dataclasses
 import math
+import warnings
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Literal
 
 import mujoco
@@ -13,9 +15,10 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Float
 
-from motorgrad._errors import check
+from motorgrad._errors import check, shown_path
 from motorgrad.bodies._batch import BodyBatch
 from motorgrad.bodies._body import Body, WrappedBody
+from motorgrad.bodies._elevation_file import known_elevation, read_elevation
 from motorgrad.schema import Range, Settings, count, number, static
 
 Kind = Literal["bumps", "slopes", "steps", "waves"]
@@ -32,7 +35,18 @@ Points = Float[np.ndarray, "rows columns"]
 
 @dataclasses.dataclass(frozen=True)
 class Terrain(Settings):
-    """Uneven ground, as a grid of heights made from a few numbers and a seed."""
+    """Uneven ground, as a grid of heights made from a few numbers and a seed, or read from a file.
+
+    **Raises:** `ValueError` in one line that names the setting, or the file and what is wrong with it.
+
+    **Warns** where a file's points are closer than `cell`, so that finer detail is lost, and where `difficulty` is 0.
+
+    ```python
+    np.savetxt("ridge.csv", [[0, 0.1, 0], [0, 0.3, 0]], delimiter=",")
+    ground = mg.bodies.Terrain(map="ridge.csv", in_metres=True, size=(4.0, 2.0), clearing=0.0)
+    print(ground.heights().round(2)[-1, ::10])  # → [-0.2 -0.15 -0.1 -0.15 -0.2 ]
+    ```
+    """
 
     kind: Kind = static(
         "bumps",
@@ -73,9 +87,38 @@ class Terrain(Settings):
     seed: int = count(
         0, 0, 2**63 - 1, help="seed of the random numbers; the same seed gives the same ground at every difficulty"
     )
+    map: Path | None = static(
+        None,
+        help="a file of elevations, instead of `kind`, `spacing` and `seed`: a grey picture of 8 or 16 bits (.png), a "
+        "NumPy file (.npy), a table of numbers (.csv) or an ESRI grid (.asc), of (rows, columns). It is stretched over "
+        "`size`, its first row at the greatest y and its first column at the least x. Black, or the least number, is "
+        "the lowest point, and white, or the greatest number, the highest. It is kept as an absolute path",
+    )
+    in_metres: bool = static(
+        False, help="whether the numbers of a file that is no picture are heights in m, whatever `height` is"
+    )
+    checksum: str | None = static(
+        None,
+        help="checksum of the file. It is filled in. Ground from a file with another one is refused, so that a run "
+        "never continues on ground that has changed",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.map is not None:
+            path = self.map.absolute()
+            object.__setattr__(self, "map", path)
+            found = read_elevation(path, self.checksum)
+            object.__setattr__(self, "checksum", found.checksum)
+            fits = found.white is None or not self.in_metres
+            check(fits, "in_metres", True, "false for a picture: give its `height`")
+            self._tell_what_is_lost(found.numbers.shape)
 
     def validate(self) -> None:
-        check(self.spacing >= 2.0 * self.cell, "spacing", self.spacing, f"at least two cells, {2 * self.cell:g} m")
+        if self.map is None:
+            check(self.spacing >= 2.0 * self.cell, "spacing", self.spacing, f"at least two cells, {2 * self.cell:g} m")
+            check(not self.in_metres, "in_metres", True, "false without a `map`")
+            check(self.checksum is None, "checksum", self.checksum, "left out without a `map`")
         size = self.size
         check(min(size) >= 2.0 * self.cell, "size", size, f"two lengths of at least two cells, {2 * self.cell:g} m")
         points = (size[0] / self.cell + 1) * (size[1] / self.cell + 1)
@@ -90,37 +133,73 @@ class Terrain(Settings):
     def heights(self) -> Points:
         """Heights in m, (rows, columns): rows along y, columns along x; 0 at the origin."""
         x, y = np.meshgrid(*self.axes)
-        raw = _HEIGHT_FUNCTIONS[self.kind](self, x, y, np.random.default_rng(self.seed))
+        rows, columns = x.shape
+        if self.map is None:
+            raw = _HEIGHT_FUNCTIONS[self.kind](self, x, y, np.random.default_rng(self.seed))
+        else:
+            raw = self._mapped(x, y)
+            raw = raw - raw[rows // 2, columns // 2]  # or the clearing would be a pit down to the lowest point
         if self.clearing > 0.0:
             raw = raw * _smooth((np.hypot(x, y) - self.clearing) / _BLEND)
-        rows, columns = raw.shape
-        heights = self.difficulty * self.height * raw
+        heights = self.difficulty * (1.0 if self.in_metres else self.height) * raw
         return heights - heights[rows // 2, columns // 2]
 
+    def _mapped(self, x: Points, y: Points) -> Points:
+        """Heights of the file in units of `height`, or in m, linear between its points."""
+        from scipy.ndimage import map_coordinates  # loading it would slow down every command's start
+
+        assert self.map is not None
+        assert self.checksum is not None
+        found = known_elevation(self.map, self.checksum)
+        numbers = found.numbers if self.in_metres else found.shares
+        (rows, columns), (length, width) = numbers.shape, self.size
+        row = np.clip((0.5 - y / width) * (rows - 1), 0.0, rows - 1.0)
+        column = np.clip((0.5 + x / length) * (columns - 1), 0.0, columns - 1.0)
+        return map_coordinates(numbers, (row, column), order=1)
+
+    def _tell_what_is_lost(self, shape: tuple[int, ...]) -> None:
+        file = f"map = {shown_path(self.map or '')}"
+        if self.difficulty == 0.0:
+            warnings.warn(f"{file}: the ground is level, as its difficulty is 0", stacklevel=4)
+        apart = min(self.size[0] / (shape[1] - 1), self.size[1] / (shape[0] - 1))
+        if apart < self.cell * (1.0 - 1e-9):
+            ground = f"those of the ground {self.cell:g} m (`cell`): finer detail is lost"
+            warnings.warn(f"{file}: its points are {apart:.3g} m apart, {ground}", stacklevel=4)
+
     def add(self, spec: mujoco.MjSpec) -> None:
-        """Add the ground to a description with a plane "floor", which is lowered and continues around the field."""
+        """Add the ground to a description with a floor, which is lowered and continues around the field: its geom
+        "floor", or the only plane of the world. Height 0 of the ground is at the height of the floor."""
         heights = self.heights()
         low = float(heights.min())
         tall = float(np.ptp(heights))
         x, y = self.axes
         field = spec.add_hfield(name="terrain", nrow=len(y), ncol=len(x), userdata=(heights - low).ravel().tolist())
         field.size = (x[-1], y[-1], max(tall, 1e-6), 0.1)
-        floor = spec.geom("floor")
-        check(floor is not None, "geoms of the body", [geom.name for geom in spec.geoms], "a list with 'floor'")
+        floor = _floor_of(spec)
         ground = spec.worldbody.add_geom(name="terrain", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="terrain")
-        ground.pos = (0.0, 0.0, low)
+        level = float(floor.pos[2])
+        ground.pos = (0.0, 0.0, level + low)
         ground.rgba = _ROCK
         for property_ in ("contype", "conaffinity", "friction", "solref", "solimp"):
             setattr(ground, property_, getattr(floor, property_))
-        floor.pos = (0.0, 0.0, low - _DROP)
+        floor.pos = (0.0, 0.0, level + low - _DROP)
+
+
+def _floor_of(spec: mujoco.MjSpec) -> mujoco.MjsGeom:
+    planes = [geom for geom in spec.worldbody.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE]
+    floor = spec.geom("floor") or (planes[0] if len(planes) == 1 else None)
+    names = [geom.name for geom in spec.geoms]
+    check(floor is not None, "geoms of the body", names, "a list with 'floor', or with one plane of the world")
+    return floor
 
 
 @dataclasses.dataclass(frozen=True)
 class OnTerrain(WrappedBody):
     """A body on uneven ground: a body like any other, whose floor is a height field.
 
-    It works with any body that has a geom "floor". For seeds on different ground, pass several such bodies to
-    `BodyBatch`; they differ only in their models. Heights measured by a body are still relative to z = 0.
+    It works with any body that has a geom "floor", or one plane in its world. For seeds on different ground,
+    pass several such bodies to `BodyBatch`; they differ only in their models. Heights measured by a body are still
+    relative to z = 0.
 
     **Arguments:**
 

@@ -16,8 +16,8 @@ from motorgrad._errors import check
 from motorgrad._goal import Goal
 from motorgrad._interface import ObservationCode
 from motorgrad._running import RunningMean, counted_on
-from motorgrad.bodies import Body, BodyState, start_pose
-from motorgrad.schema import kind_of, static
+from motorgrad.bodies import Body, BodyState, OnTerrain, Terrain, start_pose
+from motorgrad.schema import inner, kind_of, static
 from motorgrad.tasks._composed_goal import goal_of
 from motorgrad.tasks._composing import BodyLike, Drive, body_of, body_table, drive_of, reach, with_absolute_paths
 from motorgrad.tasks._holding import tell_if_few_can_be_held
@@ -160,6 +160,9 @@ class Composed(BodyTask):
         "and any other actuator a itself; on a body without muscles, −1 to 1 stand for the ends of "
         "each actuator's range. A binary unit gives −1 or 1",
     )
+    terrain: Terrain | None = inner(
+        None, help="uneven ground (`motorgrad.bodies.Terrain`) in place of the body's floor; by default as the body is"
+    )
 
     def __post_init__(self) -> None:
         if self.body is None:
@@ -196,7 +199,8 @@ class Composed(BodyTask):
 
     @functools.cached_property
     def _bound(self) -> _Bindings:
-        scene = Scene(self.body, self.action_period, self.targets)
+        body = self.body if self.terrain is None else OnTerrain(self.body, self.terrain)
+        scene = Scene(body, self.action_period, self.targets)
         remembering: list[Bound] = []
 
         def bind(what: str, term: Observation | Quantity) -> Bound:
@@ -443,6 +447,7 @@ def compose(
     action_period: float = 0.02,
     time_limit: float | None = None,
     commands: Literal["controls", "sigmoid"] = "controls",
+    terrain: Terrain | None = None,
 ) -> Composed:
     """A task on a body, put together from terms: an instance of `Composed`, which describes the arguments.
 
@@ -470,6 +475,7 @@ def compose(
         action_period=action_period,
         time_limit=time_limit,
         commands=commands,
+        terrain=terrain,
     )
 
 

@@ -119,14 +119,15 @@ def body_table(body: Any) -> dict[str, Any]:
 
 
 def with_absolute_paths(settings: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Settings whose paths are meant from a folder. They are those of a model, and files of terms."""
+    """Settings whose paths are meant from a folder. They are those of a model, files of terms, and the map of
+    a terrain."""
 
     def walk(value: object, key: str = "") -> object:
         if isinstance(value, Mapping):
             return {name: walk(item, name) for name, item in value.items()}
         if isinstance(value, list | tuple):
             return [walk(item) for item in value]
-        if not isinstance(value, str) or key not in ("body", "source", "file"):
+        if not isinstance(value, str) or key not in ("body", "source", "file", "map"):
             return value
         if "<" in value or not Path(value).suffix:  # a document, or the name of a body
             return value

@@ -194,10 +194,13 @@ def test_tension_is_a_share_of_the_strength(hopper):
     np.testing.assert_allclose(tendon_tension(hopper, peak), 0.0)  # a muscle does not push
 
 
-def test_hills_are_those_of_the_field():
+@pytest.mark.parametrize("kind", ["waves", "map"])
+def test_hills_are_those_of_the_field(kind, tmp_path):
     import trimesh
 
-    model = compile_model(OnTerrain(Hexapod(), Terrain(kind="waves", height=0.4, size=(4.0, 3.0))))
+    np.save(tmp_path / "hills.npy", np.eye(7))
+    ground = {"map": tmp_path / "hills.npy"} if kind == "map" else {"kind": kind}
+    model = compile_model(OnTerrain(Hexapod(), Terrain(**ground, height=0.4, size=(4.0, 3.0))))
     field = int(np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)[0])
     content = height_field_glb(model, model.geom_dataid[field], np.array([0.7, 0.7, 0.6]))
     (mesh,) = trimesh.load(trimesh.util.wrap_as_stream(content), file_type="glb").geometry.values()
