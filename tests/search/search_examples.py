@@ -5,7 +5,18 @@ import importlib.util
 import numpy as np
 import pytest
 
-from motorgrad.search import BayesianOptimisation, Boltzmann, CmaEs, EvolutionStrategy, Pulled, Range, Space, Uniform
+from motorgrad.search import (
+    Annealing,
+    BayesianOptimisation,
+    Boltzmann,
+    CmaEs,
+    EvolutionStrategy,
+    Genetic,
+    Pulled,
+    Range,
+    Space,
+    Uniform,
+)
 
 needs_evosax, needs_tinygp = (
     pytest.mark.skipif(importlib.util.find_spec(name) is None, reason="needs the extra motorgrad[search]")
@@ -20,6 +31,8 @@ METHODS = [
     pytest.param(Uniform, id="uniform"),
     pytest.param(Boltzmann, id="boltzmann"),
     pytest.param(Pulled, id="pulled"),
+    pytest.param(Annealing, id="annealing"),
+    pytest.param(Genetic, id="genetic"),
     pytest.param(CmaEs, id="cma-es", marks=needs_evosax),
     pytest.param(lambda: EvolutionStrategy(population=12), id="evolution-strategy", marks=needs_evosax),
     pytest.param(lambda: BayesianOptimisation(candidates=12), id="bayesian-optimisation", marks=needs_tinygp),

@@ -7,10 +7,12 @@ import pytest
 from search_examples import METHODS, SPACE, ellipsoid, needs_evosax, noisy_sphere, sphere
 
 from motorgrad.search import (
+    Annealing,
     BayesianOptimisation,
     Boltzmann,
     CmaEs,
     EvolutionStrategy,
+    Genetic,
     Pulled,
     Range,
     Space,
@@ -150,6 +152,67 @@ def test_a_pull_climbs_beyond_random_sampling():
     assert np.median(gains) > 0
 
 
+def test_chains_accept_by_the_rule_of_metropolis_at_a_falling_temperature():
+    method = Annealing(candidates=40_000, temperature=0.5, cooling=0.5, width=0.05)
+    first, state = method.ask(method.begin(np.full(2, 0.2)), np.random.default_rng(0))
+    np.testing.assert_array_equal(first[0], 0.2)  # the start itself
+    np.testing.assert_allclose(first[1:].mean(axis=0), 0.5, atol=0.01)  # and uniform samples
+    np.testing.assert_allclose(first[1:].std(axis=0), 12**-0.5, atol=0.01)
+    even = np.arange(len(first)) % 2 == 0
+    state = method.tell(state, first, np.where(even, 10.0, 14.0))  # a standard deviation of 2
+    np.testing.assert_array_equal(state["places"], first)
+    for temperature in (0.5 * 0.5, 0.5 * 0.25):
+        moved, asked = method.ask(state, np.random.default_rng(1))
+        after = method.tell(asked, moved, state["scores"] - np.where(even, 1.0, -1.0))
+        taken = (after["places"] == moved).all(axis=1)
+        assert taken[~even].all()  # what is better
+        np.testing.assert_allclose(taken[even].mean(), np.exp(-1.0 / (2.0 * temperature)), atol=0.01)
+        np.testing.assert_array_equal(after["scores"][even & ~taken], 10.0)
+        state = {**state, "rounds": after["rounds"]}
+    inside = (abs(first - 0.5) < 0.25).all(axis=1)
+    np.testing.assert_allclose((moved - first)[inside].std(), 0.05, rtol=0.02)
+    failed = method.tell(asked, moved, np.full(len(moved), np.nan))
+    np.testing.assert_array_equal(failed["places"], state["places"])
+
+
+def test_children_have_the_numbers_of_winners_of_tournaments_and_some_noise():
+    method = Genetic(candidates=4_000, tournament=2, crossover=0.5, mutation=0.0)
+    state = method.begin(np.full(2, 0.2))
+    first, _ = method.ask(state, np.random.default_rng(0))
+    np.testing.assert_array_equal(first[0], 0.2)
+    np.testing.assert_allclose(first.mean(axis=0), 0.5, atol=0.02)
+    state["population"], state["scores"] = np.array([[0.1, 0.1], [0.3, 0.3], [0.9, 0.9]]), np.array([0.0, 2.0, -np.inf])
+    children, _ = method.ask(state, np.random.default_rng(1))
+    shares = [np.isclose(children[:, 0], place).mean() for place in (0.3, 0.1, 0.9)]
+    np.testing.assert_allclose(shares, [5 / 9, 3 / 9, 1 / 9], atol=0.03)  # the best of two of three
+    mixed = ~np.isclose(children[:, 0], children[:, 1])
+    both = 1 - (25 + 9 + 1) / 81  # of two parents that differ, every number from either
+    np.testing.assert_allclose(mixed.mean(), 0.5 * both / 2, atol=0.02)
+    noisy = Genetic(candidates=4_000, tournament=2, crossover=0.0, mutation=0.25, width=0.01)
+    moved, _ = noisy.ask({**state, "scores": np.array([-np.inf, 0.0, -np.inf])}, np.random.default_rng(2))
+    moved = moved[abs(moved[:, 0] - 0.3) < 0.1] - 0.3
+    noise = moved[abs(moved) > 1e-9]
+    np.testing.assert_allclose(noise.size / moved.size, 0.25, atol=0.03)
+    np.testing.assert_allclose(noise.std(), 0.01, rtol=0.05)
+
+
+def test_the_best_of_a_generation_stay_and_failed_ones_rank_last():
+    method = Genetic(candidates=3, elite=1)
+    state = method.begin(np.zeros(1))
+    state = method.tell(state, np.array([[0.1], [0.2], [0.3]]), np.array([1.0, 5.0, 2.0]))
+    state = method.tell(state, np.array([[0.4], [0.5], [0.6]]), np.array([np.nan, 3.0, 4.0]))
+    np.testing.assert_array_equal(state["population"][:, 0], [0.2, 0.6, 0.5])
+    np.testing.assert_array_equal(state["scores"], [5.0, 4.0, 3.0])
+    none = Genetic(candidates=3, elite=0).tell(state, np.array([[0.4], [0.5], [0.6]]), np.full(3, np.nan))
+    np.testing.assert_array_equal(none["population"][:, 0], [0.4, 0.5, 0.6])
+
+
+@pytest.mark.parametrize("method", [Annealing(), Genetic()])
+def test_annealing_and_genes_climb_beyond_random_sampling(method):
+    gains = [found(method, seed=seed).curve[-1] - found(Uniform(), seed=seed).curve[-1] for seed in range(5)]
+    assert np.median(gains) > 0
+
+
 @needs_evosax
 def test_an_evolution_strategy_climbs_the_gradient_of_the_ranks():
     """Its first step is Adam's, by the learning rate along the sign of Σ u ε; pairs mirror each other."""
@@ -197,6 +260,9 @@ def test_ask_and_tell_change_nothing_that_they_are_given(kind):
         (lambda: Boltzmann(temperature=0.0), r"temperature = 0.0: must be a finite number above 0"),
         (lambda: Boltzmann(changed=0), r"changed = 0: must be an integer of at least 1"),
         (lambda: Boltzmann(width=-1.0), r"width = -1.0: must be a finite number above 0"),
+        (lambda: Annealing(candidates=1), r"candidates = 1: must be an integer of at least 2"),
+        (lambda: Annealing(cooling=0.0), r"cooling = 0.0: must be in \(0, 1\]"),
+        (lambda: Genetic(elite=12), r"elite = 12: must be less than the 12 candidates"),
         (lambda: Boltzmann(again=1.0), r"again = 1.0: must be in \[0, 1\)"),
         (lambda: Pulled(candidates=0), r"candidates = 0: must be an integer of at least 1"),
         (lambda: Pulled(width=0.0), r"width = 0.0: must be a finite number above 0"),
