@@ -163,6 +163,37 @@ def test_a_bounce_leaves_the_square_of_the_restitution_of_the_energy(restitution
     assert lost == pytest.approx((1 - restitution**2) * before**2)
 
 
+def test_the_time_of_a_collision_is_found_by_halving():
+    """A ball dropped without drag: the integration is exact between collisions, so its closed form is that of all."""
+    walls = Walls(restitution=0.5)
+    found, put = (
+        path(free(gravity=(0.0, -0.25), walls=walls, collisions=kind, substeps=1), at(0.5, 0.9), 40)
+        for kind in ("bisection", "reposition")
+    )
+    time = 0.1 * np.arange(1, 41)
+    hit = math.sqrt(2 * 0.9 / 0.25)  # 2.68 s
+    since = time - hit
+    height = np.where(since < 0, 0.9 - 0.125 * time**2, 0.5 * 0.25 * hit * since - 0.125 * since**2)
+    speed = np.where(since < 0, -0.25 * time, 0.5 * 0.25 * hit - 0.25 * since)
+    np.testing.assert_allclose(found.position[:, 1], height, atol=1e-6)
+    np.testing.assert_allclose(found.velocity[:, 1], speed, atol=1e-6)
+    np.testing.assert_array_equal(np.flatnonzero(found.reached[:, 1]), [26])  # in the step from 2.6 to 2.7 s
+    assert abs(put.position[:, 1] - height).max() > 1e-3
+    np.testing.assert_allclose(put.position[:26], found.position[:26], atol=1e-12)
+
+
+def test_two_walls_in_one_step_and_rest_on_one_are_found_too():
+    walls = Walls(restitution=1.0)
+    world = free(walls=walls, collisions="bisection", substeps=1)
+    moved = path(world, at(0.98, 0.97, 1.0, 1.0), 1)  # 0.1 s, with 0.08 and 0.07 left after the walls
+    np.testing.assert_allclose(moved.position[0], [0.92, 0.93], atol=1e-6)
+    np.testing.assert_allclose(moved.velocity[0], [-1.0, -1.0], atol=1e-6)
+    assert moved.reached[0].tolist() == [False, False, True, True]
+    rest = path(free(gravity=(0.0, -0.25), walls=Walls(restitution=0.0), collisions="bisection"), at(0.5, 0.1), 20)
+    np.testing.assert_array_equal(rest.position[10:, 1], 0.0)
+    np.testing.assert_array_equal(rest.velocity[10:, 1], 0.0)
+
+
 def test_a_particle_that_moves_inwards_is_not_thrown_back():
     walls = Walls()
     _, (vx, vy), _ = walls.collide(

@@ -26,7 +26,7 @@ Flags = tuple[Bool[Array, ""], Bool[Array, ""]]
 class Walls(Settings):
     r"""A box of up to four walls.
 
-    A particle beyond a wall is put back on it. If it still moves outwards, it rebounds with `restitution` × its normal
+    A particle beyond a wall is put on it. If it still moves outwards, it rebounds with `restitution` × its normal
     speed; if the rebound is so slow that the force pressing on it would reverse it within one time step, it comes to
     rest. A particle resting on a wall, and pressed against it by a force $F$, is supported: the wall cancels the normal
     part $N \cdot F$, and friction $-k_f\,|N \cdot F|\,v_t$ opposes the tangential motion. (With the sign printed in the
@@ -54,6 +54,14 @@ class Walls(Settings):
     def contains(self, x: float, y: float) -> bool:
         """Whether a point is within the box or on its edge."""
         return self.left <= x <= self.right and self.bottom <= y <= self.top
+
+    def passed(self, position: Components) -> Bool[Array, ""]:
+        """Whether a particle is beyond a wall."""
+        beyond = [
+            (solid[0] & (at < low)) | (solid[1] & (at > high))
+            for (low, high), solid, at in zip(self.spans, self._solid(), position, strict=True)
+        ]
+        return beyond[0] | beyond[1]
 
     def resting(self, position: Components, velocity: Components) -> tuple[Flags, Flags]:
         """For each axis, whether a particle is on its lower and on its upper wall, and not moving away from it."""
