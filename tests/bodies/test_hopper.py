@@ -192,3 +192,52 @@ def test_a_tendon_that_stretches_throws_the_foot_higher():
             heights.append(batch.unpack(batch.packed).sensors["foot_height"][0])
         height[tendon] = max(heights)
     assert height["compliant"] > 1.5 * height["rigid"] > 0.03
+
+
+def test_a_motor_does_the_work_of_its_muscle_between_the_stops():
+    muscles, motors = (bodies.compile_model(Hopper(drive=drive)) for drive in ("muscles", "motors"))
+    angles = np.radians(np.linspace(40.0, 150.0, 111)) - np.pi / 2
+    assert [motor.name for motor in Hopper(drive="motors").motors] == [muscle.name for muscle in Hopper().muscles]
+    for place, motor in enumerate(Hopper(drive="motors").motors):
+        torques = [knee_torque(muscles, motor.joint, angle, place) for angle in angles]
+        mean = np.trapezoid(torques, angles) / np.ptp(angles)
+        assert motor.torque == pytest.approx(mean, rel=1e-3)
+        assert np.ptp(torques) > 0.2 * abs(mean)
+        for angle in (-0.8, 0.0, 1.0):
+            assert knee_torque(motors, motor.joint, angle, place) == pytest.approx(motor.torque, rel=1e-12)
+
+
+def knee_torque(model, joint, angle, actuator):
+    """The torque (N m) of one active actuator about its knee, with both knees at `angle` (rad from 90°)."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = (1.0, -angle / 2, angle, -angle / 2, -angle / 2, angle)
+    data.ctrl[actuator] = 1.0
+    mujoco.mj_forward(model, data)
+    return data.qfrc_actuator[model.joint(joint).dofadr[0]]
+
+
+def test_motors_keep_the_dampers_and_the_groups_of_the_muscles():
+    body = Hopper(drive="motors")
+    assert body.muscles == ()
+    assert body.groups == Hopper().groups
+    model = bodies.compile_model(body)
+    assert model.tendon_damping.tolist() == bodies.compile_model(Hopper()).tendon_damping.tolist()
+    held, _ = simulate(body, (0, 1, 0, 1), lift=1.0, steps=20)
+    free, _ = simulate(Hopper(drive="motors", muscle_damping=0.0), (0, 1, 0, 1), lift=1.0, steps=20)
+    assert held[-1, 2] < free[-1, 2]
+    np.testing.assert_array_equal(simulate(body, 2.0)[0], simulate(body, 1.0)[0])
+
+
+def test_motors_and_extra_muscles_act_together():
+    strap = Muscle("strap", "strap", Attachment("load", (0, 0, 0)), Attachment("foot", (0, 0, 0)), 300.0, 0.3)
+    body = Hopper(drive="motors", extra_muscles=(strap,))
+    assert body.groups == ("flexor", "extensor", "strap")
+    batch = BodyBatch(body, 2, substeps=200)
+    batch.step([[0, 0, 1], [0, 1, 0]])
+    knees = batch.unpack(batch.packed).sensors["knee_angle"]
+    assert knees[0] < -0.2 < 0.2 < knees[1]
+
+
+def test_motors_are_refused_with_a_law_that_gives_them_no_torque():
+    with pytest.raises(ValueError, match="muscle_model = 'native': must be 'thesis' with motors"):
+        Hopper(drive="motors", muscle_model="native")

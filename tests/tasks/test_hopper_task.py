@@ -70,6 +70,26 @@ def test_a_touch_of_the_ground_begins_a_new_flight():
     np.testing.assert_allclose(rewards, [0, 40, 0, 10], atol=1e-5)
 
 
+def test_inputs_of_noise_follow_the_sensors():
+    task, plain = Hopper(noise_inputs=3), Hopper()
+    state = body_state(contact=GROUND, angle=0.3, velocity=2.0)
+    _, seen = task.observe(task.init(jnp.zeros(0)), state, jnp.asarray([0.0, 0.5, 0.75]))
+    _, sensed = plain.observe(plain.init(jnp.zeros(0)), state, jnp.zeros(0))
+    np.testing.assert_allclose(seen, [*sensed, -1.0, 0.0, 0.5], atol=1e-6)
+    assert (task.uniforms, plain.uniforms) == (3, 0)
+    assert task.observation_size == len(task.observation_names) == len(task.observation_range) == 6
+    assert task.observation_names == (*plain.observation_names, "noise 1", "noise 2", "noise 3")
+    assert len(task.observation_units) == 6
+
+
+def test_a_motor_costs_what_a_muscle_does():
+    motors = Hopper(body=HopperBody(drive="motors"))
+    for action in ((1.0, 0.0), (1.0, 1.0)):
+        assert paid(motors, [(0.0, GROUND)], jnp.asarray(action)) == paid(
+            Hopper(), [(0.0, GROUND)], jnp.asarray(action)
+        )
+
+
 def test_reward_scale_is_the_pay_of_a_metre():
     assert paid(Hopper(reward_scale=30.0), [(0.5, AIR), (0.0, GROUND)])[0][1] == pytest.approx(15)
 

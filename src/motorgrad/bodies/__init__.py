@@ -40,7 +40,17 @@ from motorgrad.bodies.muscles._hill_curves import (
     tendon_force_length,
 )
 from motorgrad.bodies.muscles._hill_traced import hill_in_jax
-from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, groups_of, native_force_length, tension
+from motorgrad.bodies.muscles._muscle import (
+    Attachment,
+    Motor,
+    Muscle,
+    Servo,
+    Wrap,
+    contraction_work,
+    groups_of,
+    native_force_length,
+    tension,
+)
 from motorgrad.bodies.muscles._wrapping import away_angle, path_points, wrapped_length, wrapped_rate, wrapping_angle
 
 BODIES: dict[str, type[Body]] = {"arm": Arm, "hexapod": Hexapod, "hopper": Hopper, "mjcf": Mjcf}
@@ -78,6 +88,7 @@ __all__ = [
     "LegState",
     "LiftTable",
     "Mjcf",
+    "Motor",
     "Muscle",
     "OnTerrain",
     "Posture",
@@ -106,6 +117,7 @@ __all__ = [
     "check_muscle_callback",
     "compile_model",
     "contract",
+    "contraction_work",
     "debounced",
     "force_velocity",
     "greatest_flexion",

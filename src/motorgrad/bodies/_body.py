@@ -19,7 +19,7 @@ from motorgrad._arrays import Vector
 from motorgrad._errors import check, choice, unknown
 from motorgrad.bodies.models._read import compile_bare, compile_spec
 from motorgrad.bodies.muscles._hill import HillMuscle, set_hill
-from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, set_native_gain
+from motorgrad.bodies.muscles._muscle import Attachment, Motor, Muscle, Servo, set_native_gain
 
 MUSCLE_MODELS = ("thesis", "native")
 START = "start"
@@ -122,7 +122,7 @@ class WrappedBody:
         return self.body.sensor_components
 
 
-def actuators_of(body: Body) -> tuple[Muscle | HillMuscle | Servo | Actuator, ...]:
+def actuators_of(body: Body) -> tuple[Muscle | HillMuscle | Servo | Motor | Actuator, ...]:
     """Everything an action drives, in the order of the model's actuators: muscles, then servos; or actuators."""
     own = getattr(body, "actuators", None)
     return (*body.muscles, *getattr(body, "servos", ())) if own is None else own
@@ -167,6 +167,28 @@ def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle | HillMuscle], mus
     """
     choice("muscle_model", muscle_model, MUSCLE_MODELS)
     check(len(muscles) > 0, "muscles", tuple(muscles), "at least one muscle")
+    add_paths(spec, muscles)
+    for muscle in muscles:
+        # the range makes MuJoCo clamp the policy's output to 0 … 1
+        actuator = spec.add_actuator(name=muscle.name, ctrllimited=True, ctrlrange=(0.0, 1.0))
+        actuator.trntype = mujoco.mjtTrn.mjTRN_TENDON
+        actuator.target = muscle.name
+        if isinstance(muscle, HillMuscle):
+            set_hill(actuator, muscle.hill)
+        elif math.isinf(muscle.shape):  # a force independent of the length needs only MuJoCo's plain gain
+            actuator.gainprm[0] = -muscle.strength
+        elif muscle_model == "native":
+            set_native_gain(actuator, muscle)
+        else:
+            actuator.gaintype = mujoco.mjtGain.mjGAIN_USER
+            actuator.gainprm[:3] = (-muscle.strength, muscle.rest_length, muscle.shape)
+
+
+def add_paths(spec: mujoco.MjSpec, muscles: Sequence[Muscle | HillMuscle]) -> None:
+    """Add what is passive about muscles to a skeleton: for each, two sites and a spatial tendon, its path and damper.
+
+    The arguments and errors are those of `add_muscles`.
+    """
     names = [muscle.name for muscle in muscles]
     for name in names:
         check(names.count(name) == 1, "Muscle.name", name, "different from every other muscle's name")
@@ -182,19 +204,6 @@ def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle | HillMuscle], mus
             _known("site", muscle.wrap.side_site, [site.name for site in spec.sites])
             tendon.wrap_geom(muscle.wrap.geom, muscle.wrap.side_site)
         tendon.wrap_site(f"{muscle.name}_insertion")
-        # the range makes MuJoCo clamp the policy's output to 0 … 1
-        actuator = spec.add_actuator(name=muscle.name, ctrllimited=True, ctrlrange=(0.0, 1.0))
-        actuator.trntype = mujoco.mjtTrn.mjTRN_TENDON
-        actuator.target = muscle.name
-        if isinstance(muscle, HillMuscle):
-            set_hill(actuator, muscle.hill)
-        elif math.isinf(muscle.shape):  # a force independent of the length needs only MuJoCo's plain gain
-            actuator.gainprm[0] = -muscle.strength
-        elif muscle_model == "native":
-            set_native_gain(actuator, muscle)
-        else:
-            actuator.gaintype = mujoco.mjtGain.mjGAIN_USER
-            actuator.gainprm[:3] = (-muscle.strength, muscle.rest_length, muscle.shape)
 
 
 def add_geom(

@@ -13,9 +13,17 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery, add_sensors
+from motorgrad.bodies._body import START, add_geom, add_muscles, add_paths, add_scenery, add_sensors
 from motorgrad.bodies.muscles._hill import Curves, Hill, HillMuscle, Tendon
-from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Wrap, groups_of
+from motorgrad.bodies.muscles._muscle import (
+    Attachment,
+    Motor,
+    Muscle,
+    Wrap,
+    add_motors,
+    contraction_work,
+    groups_of,
+)
 from motorgrad.bodies.muscles._wrapping import away_angle, wrapped_length
 from motorgrad.schema import Range, Settings, number, static
 
@@ -34,8 +42,8 @@ class Hopper(Settings):
 
     The load moves on a vertical slide (the harness). Two thighs lead from it to the knees, and two shanks from there to
     the foot. Each knee has a flexor in front (inside the rhombus) and an extensor behind. The two flexors form one
-    group and the two extensors another, so an action has two numbers. x points to the right, z up, and the plane is y =
-    0.
+    group and the two extensors another, so an action has two numbers. With `drive="motors"` each muscle is a motor at
+    its knee instead, of the same name and group. x points to the right, z up, and the plane is y = 0.
 
     **Names in the model:** bodies `load`, `thigh_left`, `shank_left`, `foot`, `thigh_right`, `shank_right`, with each
     link's frame at its upper joint and −z along the bone; joints `height`, `hip_left`, `knee_left`, `ankle`,
@@ -83,6 +91,11 @@ class Hopper(Settings):
     )
     lateral_stiffness: float = number(100.0, 0, unit="N m/rad", help="stiffness of the lateral spring")
     lateral_damping: float = number(1.0, 0, unit="N m s/rad", help="damping of the lateral spring")
+    drive: Literal["muscles", "motors"] = static(
+        "muscles",
+        help='"muscles"; or "motors", each of which does the work of its muscle between the stops of the knee with a '
+        "torque that depends on nothing but its control; the muscles' dampers stay",
+    )
     timestep: float = number(0.001, 0, open_low=True, unit="s", help="time step of the physics")
     muscle_model: Literal["thesis", "native", "hill"] = static(
         "thesis",
@@ -102,17 +115,40 @@ class Hopper(Settings):
         reach, radius, length = self.attachment_distance, self.capsule_radius, self.link_length
         allowed = f"between capsule_radius {radius!r} and link_length {length!r} (m)"
         check(radius < reach < length, "attachment_distance", reach, allowed)
+        right = self.drive == "muscles" or self.muscle_model == "thesis"
+        check(right, "muscle_model", self.muscle_model, "'thesis' with motors, whose torque follows from its law")
 
     @property
     def muscles(self) -> tuple[Muscle | HillMuscle, ...]:
-        """Flexor and extensor of the left knee, then of the right knee, then the extra muscles."""
-        own = (self._muscle(group, side) for side in SIDES for group in ("flexor", "extensor"))
-        return (*own, *self.extra_muscles)
+        """Flexor and extensor of the left knee, then of the right knee, unless motors drive them; then the extra
+        muscles."""
+        return (*(self._own_muscles if self.drive == "muscles" else ()), *self.extra_muscles)
+
+    @property
+    def motors(self) -> tuple[Motor, ...]:
+        """Flexor and extensor of the left knee, then of the right knee; empty for a body with muscles.
+
+        The torque of each is the mean of its muscle's torque over the range of the knee, so that both do the same work
+        from one stop to the other.
+        """
+        if self.drive == "muscles":
+            return ()
+        torques = {"flexor": -self._mean_torque("flexor"), "extensor": self._mean_torque("extensor")}
+        return tuple(
+            Motor(f"{group}_{side}", group, f"knee_{side}", torque)
+            for side in SIDES
+            for group, torque in torques.items()
+        )
+
+    @property
+    def actuators(self) -> tuple[Muscle | HillMuscle | Motor, ...]:
+        """Motors, if any, then muscles."""
+        return (*self.motors, *self.muscles)
 
     @property
     def groups(self) -> tuple[str, ...]:
         """("flexor", "extensor"), then the groups of extra muscles."""
-        return groups_of(self.muscles)
+        return groups_of(self.actuators)
 
     @property
     def sensor_components(self) -> Mapping[str, int]:
@@ -122,9 +158,30 @@ class Hopper(Settings):
     def spec(self) -> mujoco.MjSpec:
         """A new, editable `mujoco.MjSpec` of the hopper, standing on the floor with its knees at 90°."""
         spec = _skeleton(self)
-        add_muscles(spec, self.muscles, "thesis" if self.muscle_model == "hill" else self.muscle_model)
+        if self.motors:
+            add_paths(spec, self._own_muscles)
+            add_motors(spec, self.motors)
+        if self.muscles:
+            add_muscles(spec, self.muscles, "thesis" if self.muscle_model == "hill" else self.muscle_model)
         spec.add_key(name=START, qpos=np.zeros(6))
         return spec
+
+    @property
+    def _own_muscles(self) -> tuple[Muscle | HillMuscle, ...]:
+        return tuple(self._muscle(group, side) for side in SIDES for group in ("flexor", "extensor"))
+
+    def _span(self, group: str) -> tuple[float, float]:
+        """The least and the greatest length (m) of a muscle between the stops of the knee."""
+        angles = away_angle(np.radians(self.knee_range), behind=group == "extensor")
+        reach = self.attachment_distance
+        low, high = sorted(wrapped_length(angles, reach, reach, self.capsule_radius).tolist())
+        return low, high
+
+    def _mean_torque(self, group: str) -> float:
+        """The mean torque (N m) of an active muscle over the range of the knee: its work divided by the angle."""
+        strength, rest = (getattr(self, f"{group}_{name}") for name in ("strength", "rest_length"))
+        work = contraction_work(*self._span(group), strength, rest, self.muscle_shape)
+        return work / math.radians(self.knee_range[1] - self.knee_range[0])
 
     def _muscle(self, group: str, side: str) -> Muscle | HillMuscle:
         flexor = group == "flexor"
@@ -134,9 +191,7 @@ class Hopper(Settings):
         wrap = Wrap(f"capsule_{side}", f"{'front' if flexor else 'behind'}_{side}")
         strength = self.flexor_strength if flexor else self.extensor_strength
         if self.muscle_model == "hill":
-            angles = away_angle(np.radians(self.knee_range), behind=not flexor)
-            lengths = sorted(wrapped_length(angles, reach, reach, self.capsule_radius).tolist())
-            hill = Hill.spanning(lengths, strength, tendon=self.tendon, curves=self.curves)
+            hill = Hill.spanning(self._span(group), strength, tendon=self.tendon, curves=self.curves)
             return HillMuscle(f"{group}_{side}", group, origin, insertion, hill, wrap)
         return Muscle(
             name=f"{group}_{side}",

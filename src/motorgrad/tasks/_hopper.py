@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.bodies import BodyState
+from motorgrad.bodies import BodyState, actuators_of
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.schema import count, inner, number, static
 from motorgrad.tasks._host_task import BodyTask
@@ -32,9 +32,10 @@ class HopperMemory(NamedTuple):
 class Hopper(BodyTask):
     """Hop as high as possible.
 
-    Observed: foot contact (±1), knee angle relative to `centre` in rad, knee velocity × `velocity_scale` (rad/s).
-    Actions: the flexor pair and the extensor pair, or units that drive these. Reward: `reward_scale` × the height (m)
-    of a hop, a flight above `hop_height`, minus `penalty` for each active muscle per decision.
+    Observed: foot contact (±1), knee angle relative to `centre` in rad, knee velocity × `velocity_scale` (rad/s), and
+    `noise_inputs` random numbers. Actions: the flexor pair and the extensor pair, or units that drive these. Reward:
+    `reward_scale` × the height (m) of a hop, a flight above `hop_height`, minus `penalty` for each active muscle per
+    decision.
     """
 
     name: ClassVar[str] = "hopper"
@@ -62,6 +63,12 @@ class Hopper(BodyTask):
         90.0, 0, 180, unit="degrees", help="the interior knee angle that is observed as 0; 0 gives the raw angle"
     )
     velocity_scale: float = number(0.02, help="scales the knee's velocity to the range of the other inputs")
+    noise_inputs: int = count(
+        0,
+        0,
+        1000,
+        help="number of further inputs that tell nothing: independent random numbers from −1 to 1 at every decision",
+    )
     action_period: float = 0.01
     time_limit: float | None = None
     units: int | None = count(
@@ -80,26 +87,31 @@ class Hopper(BodyTask):
         check(enough, "units", self.units, f"None, or at least one for each of the {groups} groups of muscles")
 
     @property
+    def uniforms(self) -> int:  # type: ignore[override]  # pyright: ignore[reportIncompatibleVariableOverride]
+        """One for each input of noise."""
+        return self.noise_inputs
+
+    @property
     def observation_size(self) -> int:
-        return 3 if self.observe_contact else 2
+        return (3 if self.observe_contact else 2) + self.noise_inputs
 
     @property
     def observation_names(self) -> tuple[str, ...]:
-        knee = ("knee angle", "knee velocity")
-        return ("foot contact", *knee) if self.observe_contact else knee
+        noise = (f"noise {number + 1}" for number in range(self.noise_inputs))
+        return (*(("foot contact",) if self.observe_contact else ()), "knee angle", "knee velocity", *noise)
 
     @property
     def observation_units(self) -> tuple[str, ...]:
         knee = ("rad", "rad/s" if self.velocity_scale == 1 else "")
-        return ("1", *knee) if self.observe_contact else knee
+        return (*(("1",) if self.observe_contact else ()), *knee, *("1",) * self.noise_inputs)
 
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
         """For the velocity, the range of learned hops, about ±50 rad/s."""
         low, high = (float(np.deg2rad(angle - self.centre)) for angle in self.body.knee_range)
         fast = max(MAX_KNEE_VELOCITY * abs(self.velocity_scale), 1e-6)
-        knee = (low, high), (-fast, fast)
-        return ((-1.0, 1.0), *knee) if self.observe_contact else knee
+        contact = ((-1.0, 1.0),) if self.observe_contact else ()
+        return (*contact, (low, high), (-fast, fast), *((-1.0, 1.0),) * self.noise_inputs)
 
     @functools.cached_property
     def drives(self) -> np.ndarray | None:
@@ -107,20 +119,22 @@ class Hopper(BodyTask):
         return None if self.units is None else np.eye(groups, dtype=np.float32)[np.arange(self.units) % groups]
 
     @functools.cached_property
-    def _muscles_per_group(self) -> np.ndarray:
-        groups = [muscle.group for muscle in self.body.muscles]
+    def group_sizes(self) -> np.ndarray:
+        """Number of actuators in each group, `(groups,)`."""
+        groups = [each.group for each in actuators_of(self.body)]
         return np.array([groups.count(group) for group in self.body.groups], np.float32)
 
     def init(self, uniforms: Float[Array, " 0"]) -> HopperMemory:
         return HopperMemory(*(jnp.zeros(()),) * 3)
 
     def observe(
-        self, memory: HopperMemory, state: BodyState, uniforms: Float[Array, " 0"]
+        self, memory: HopperMemory, state: BodyState, uniforms: Float[Array, " noise_inputs"]
     ) -> tuple[HopperMemory, Float[Array, " inputs"]]:
         contact = jnp.where(state.sensors["foot_contact"] > 0, 1.0, -1.0)
         angle = state.sensors["knee_angle"] + np.deg2rad(90.0 - self.centre)
         knee = [angle, self.velocity_scale * state.sensors["knee_velocity"]]
-        return memory, jnp.stack([contact, *knee] if self.observe_contact else knee)
+        sensed = jnp.stack([contact, *knee] if self.observe_contact else knee)
+        return memory, jnp.concatenate([sensed, 2.0 * uniforms - 1.0]) if self.noise_inputs else sensed
 
     def reward(
         self, memory: HopperMemory, state: BodyState, action: Float[Array, " units"]
@@ -133,7 +147,7 @@ class Hopper(BodyTask):
         over = ~down & (now < memory.height) & (memory.height > self.hop_height) & (memory.first == 0)
         reward = landed if self.reward_type == "landing" else jnp.where(over, memory.height, 0.0)
         first = jnp.where(down, 0.0, jnp.where(over, memory.height, memory.first))
-        cost = self.penalty * jnp.sum(self.control(action, memory) * self._muscles_per_group)
+        cost = self.penalty * jnp.sum(self.control(action, memory) * self.group_sizes)
         return HopperMemory(jnp.where(down, 0.0, height), first, landed), self.reward_scale * reward - cost, False
 
     def metrics(self, memory: HopperMemory, state: BodyState) -> dict[str, Metric]:

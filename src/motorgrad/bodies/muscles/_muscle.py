@@ -1,4 +1,4 @@
-"""Muscles and servos: what drives a joint, and the law of its force."""
+"""Muscles, servos and motors: what drives a joint, and the law of its force."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
@@ -50,6 +50,22 @@ def tension(
     """
     strain = length / rest_length - 1.0
     return activation * strength * np.exp(-strain * strain / shape) + damping * velocity
+
+
+def contraction_work(low: float, high: float, strength: float, rest_length: float, shape: float = 0.5) -> float:
+    r"""The work of a muscle that contracts at full activation, without its damper: the integral of `tension` over its
+    length,
+
+    $$\int_{L_1}^{L_2} f_{max}\, e^{-(L/r - 1)^2 / k_{CE}}\, dL = \tfrac{1}{2} f_{max}\, r \sqrt{\pi k_{CE}}
+    \left[\operatorname{erf}\frac{L/r - 1}{\sqrt{k_{CE}}}\right]_{L_1}^{L_2}.$$
+
+    **Arguments:** the lengths `low` and `high` between which it contracts, in m; the others as in `tension`.
+
+    **Returns:** the work in J.
+    """
+    width = math.sqrt(shape)
+    first, last = (math.erf((length / rest_length - 1.0) / width) for length in (low, high))
+    return 0.5 * strength * rest_length * math.sqrt(math.pi) * width * (last - first)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,6 +140,16 @@ class Servo(Settings):
     limit: float = number(low=0, open_low=True, unit="N m", help=r"$\tau_{max}$")
 
 
+@dataclasses.dataclass(frozen=True)
+class Motor(Settings):
+    r"""A motor that turns a joint with a torque that its control alone decides: $\tau = u\, \tau_{max}$."""
+
+    name: str = static(help="unique within the body")
+    group: str = static(help="motors of one group share one component of the action, the control $u$ from 0 to 1")
+    joint: str = static(help="the name of the hinge")
+    torque: float = number(unit="N m", help=r"$\tau_{max}$, negative for a motor that turns the joint backwards")
+
+
 def groups_of(muscles: Iterable[Any]) -> tuple[str, ...]:
     """The groups of `muscles`, without repeats, in the order of first appearance: the components of an action."""
     return tuple(dict.fromkeys(muscle.group for muscle in muscles))
@@ -136,6 +162,15 @@ def add_servos(spec: mujoco.MjSpec, servos: Iterable[Servo]) -> None:
         actuator.set_to_velocity(kv=servo.gain)
         actuator.forcelimited = True
         actuator.forcerange = (-servo.limit, servo.limit)
+
+
+def add_motors(spec: mujoco.MjSpec, motors: Iterable[Motor]) -> None:
+    """Add motors to a skeleton that has their joints."""
+    for motor in motors:
+        actuator = spec.add_actuator(name=motor.name, target=motor.joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        actuator.gainprm[0] = motor.torque
+        actuator.ctrllimited = True
+        actuator.ctrlrange = (0.0, 1.0)
 
 
 # Half-width of the native bump in units of √(2 k_CE). Matching the curvature would give 1; this value minimises the
