@@ -29,7 +29,15 @@ from motorgrad_thesis.chapter_5.hexapod.figure_5_9 import (
     with_low_front,
 )
 
-CLAIMED = {"fig-5.6": 0, "fig-5.7": 5, "sec-5.3.3-terrain": 28, "fig-5.8": 4, "sec-5.3.4-gaits": 18, "fig-5.9": 6}
+CLAIMED = {
+    "fig-5.6": 0,
+    "fig-5.7": 5,
+    "sec-5.3.3-terrain": 28,
+    "fig-5.8": 4,
+    "sec-5.3.4-gaits": 18,
+    "sec-5.3.4-olgarb": 3,
+    "fig-5.9": 6,
+}
 
 
 @pytest.fixture(autouse=True)
@@ -37,8 +45,7 @@ def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo notes divergences in the working directory
 
 
-LONG = dict.fromkeys(("sec-5.3.3-terrain", "fig-5.9", "fig-5.8", "sec-5.3.4-gaits"), pytest.mark.slow)
-LONG |= dict.fromkeys(("fig-5.6", "fig-5.7"), pytest.mark.ci)
+LONG = dict.fromkeys(CLAIMED, pytest.mark.slow) | dict.fromkeys(("fig-5.6", "fig-5.7"), pytest.mark.ci)
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=LONG.get(n, ())) for n in CLAIMED])
@@ -57,6 +64,12 @@ def test_the_learned_ones_share_their_runs(out, done):
 
 def test_they_stand_in_the_order_of_the_source():
     assert [name for name in EXPERIMENTS if name in CLAIMED] == list(CLAIMED)
+
+
+def test_olgarb_has_a_unit_for_each_muscle():
+    task = EXPERIMENTS["sec-5.3.4-olgarb"]().task
+    np.testing.assert_array_equal(task.drives, np.eye(24))
+    assert (task.lag, task.observes, task.reward_type) == (0, ("lateral",), "heading")
 
 
 def test_the_default_learner_is_the_thesis_s():

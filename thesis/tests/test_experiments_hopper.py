@@ -1,5 +1,6 @@
 """The experiments on muscles and the hopper: each from end to end at its smoke size, and how claims are judged."""
 
+import dataclasses
 import tomllib
 
 import numpy as np
@@ -11,11 +12,23 @@ from motorgrad_thesis import EXPERIMENTS, Workspace
 from motorgrad_thesis.appendix_a.figure_a_1 import deviations, first_touch, measure
 from motorgrad_thesis.chapter_5._hopper_study import posture
 from motorgrad_thesis.chapter_5.figure_5_4 import firing_shares, hop_events, median_hop
+from motorgrad_thesis.chapter_5.section_5_1_3_motors import held_torques
 from motorgrad_thesis.chapter_5.section_5_2_2 import ActionPeriod, behind_best
 
 LEARNT = ["fig-5.3", "fig-5.4", "fig-5.5"]
-NAMES = ["fig-5.1", "fig-5.2", *LEARNT, "sec-5.2.2", "fig-a.1"]
-CLAIMED = {"fig-5.1": 6, "fig-5.2": 0, "fig-5.3": 4, "fig-5.4": 5, "fig-5.5": 7, "sec-5.2.2": 3, "fig-a.1": 6}
+COMPARED = ["sec-5.1.3-motors", "sec-5.2-penalty"]
+CLAIMED = {
+    "fig-5.1": 6,
+    "sec-5.1.3-motors": 5,
+    "fig-5.2": 0,
+    "sec-5.2-penalty": 4,
+    "fig-5.3": 4,
+    "fig-5.4": 5,
+    "fig-5.5": 7,
+    "sec-5.2.2": 3,
+    "fig-a.1": 6,
+}
+NAMES = list(CLAIMED)
 
 
 @pytest.mark.slow
@@ -57,9 +70,31 @@ def test_the_default_learner_is_the_thesis_s():
         assert study.seeds == 16
 
 
+@pytest.mark.parametrize("name", COMPARED)
+def test_variants_differ_from_the_thesis_s_task_in_what_is_compared(name):
+    study = EXPERIMENTS[name]()
+    assert study.seeds >= 20
+    tasks = list(study.variants.values())
+    assert study.task in tasks
+    assert len(set(tasks)) == len(tasks)
+    changed = {"sec-5.1.3-motors": "body", "sec-5.2-penalty": "penalty"}[name]
+    assert all(dataclasses.replace(task, **{changed: getattr(study.task, changed)}) == study.task for task in tasks)
+
+
+def test_a_held_flexor_pulls_hardest_at_its_resting_length():
+    found = held_torques(Hopper())
+    length, force = found["length"][0], found["force"][0]
+    assert length[np.argmax(force)] == pytest.approx(Hopper().flexor_rest_length, abs=2e-3)
+    assert force.max() == pytest.approx(Hopper().flexor_strength, rel=1e-3)
+    assert np.ptp(held_torques(Hopper(drive="motors"))["torque"], axis=1) == pytest.approx(0.0, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("name", "setting", "named"),
     [
+        ("sec-5.1.3-motors", {"seeds": 1}, "seeds = 1"),
+        ("sec-5.2-penalty", {"penalties": (0.0, 0.2, 1.0)}, "penalties = "),
+        ("sec-5.2-penalty", {"penalties": (0.0, 1.0, 0.1)}, "penalties = "),
         ("fig-5.3", {"seconds": 0.0}, "seconds = 0"),
         ("fig-5.3", {"seeds": 0}, "seeds = 0"),
         ("fig-5.4", {"watched": 0.001}, "watched = 0.001"),
