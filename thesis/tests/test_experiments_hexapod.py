@@ -37,6 +37,7 @@ CLAIMED = {
     "sec-5.3.4-gaits": 18,
     "sec-5.3.4-olgarb": 3,
     "fig-5.9": 6,
+    "sec-5.4.1-biomimetic": 3,
 }
 
 

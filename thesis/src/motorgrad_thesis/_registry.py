@@ -50,6 +50,7 @@ MODULES = (
     "chapter_5.extensions.section_5_4_1_primitive",
     "chapter_5.extensions.beyond_5_4_1_synergies",
     "chapter_5.hexapod.figure_5_9",
+    "chapter_5.extensions.section_5_4_1_biomimetic",
     "chapter_5.extensions.section_5_4_1_stride",
     "chapter_6.figure_6_1",
     "chapter_6.section_6_1_1_forgetting",
