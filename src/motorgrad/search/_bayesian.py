@@ -34,7 +34,9 @@ class BayesianOptimisation(WithCandidates):
     Ginsbourger et al., 2010). A failed candidate counts as the lowest score.
 
     Time grows with the third power of the number of observations: of the candidates $n$, or of $n(1 + d)$ with the
-    gradients of $d$ numbers. Some hundred candidates of up to about twenty numbers are practical.
+    gradients of $d$ numbers. Some hundred candidates of up to about twenty numbers are practical. With a `memory`, the
+    process forgets the others before each round, all but the one with the greatest score, and every round takes the
+    same time (thesis, section 7.3: "forgetting samples").
 
     **Raises:** `RuntimeError` if tinygp is missing (`motorgrad[search]`).
     """
@@ -62,11 +64,21 @@ class BayesianOptimisation(WithCandidates):
         help="bounds of the standard deviation of a score's noise, in standard deviations of all scores. Two equal "
         "bounds fix it",
     )
+    memory: int | None = count(
+        None, 2, unit="candidates", help="that the process is conditioned on at most, at least `initial`; none for all"
+    )
+    forgets: Literal["oldest", "least-informative"] = static(
+        "least-informative",
+        help='what is forgotten: `"oldest"`, which leaves a moving window; or `"least-informative"`, one after another '
+        "the candidate without which the posterior changes least, by relative entropy",
+    )
 
     def validate(self) -> None:
         for name in ("lengths", "noise"):
             low, high = getattr(self, name)
             check(low <= high, name, (low, high), "two numbers, the lower first")
+        least = f"at least initial = {self.initial}, or the process would never be used"
+        check(self.memory is None or self.memory >= self.initial, "memory", self.memory, least)
         require("Bayesian optimisation needs", "tinygp", "search")
 
     def begin(self, start: Float[np.ndarray, " size"]) -> State:
@@ -85,6 +97,7 @@ class BayesianOptimisation(WithCandidates):
             if not len(state["scores"]):
                 places[0] = state["start"]
             return places, state
+        state = self._remembered(state)
         data = self._data(state)
         settings = self._fitted(state)
         exploration = float(self.exploration) if self.acquisition == "upper-confidence-bound" else None
@@ -121,6 +134,24 @@ class BayesianOptimisation(WithCandidates):
         mean, deviation = found(places.reshape(-1, places.shape[-1]))
         return (level + scale * mean).reshape(places.shape[:-1]), (scale * deviation).reshape(places.shape[:-1])
 
+    def _remembered(self, state: State) -> State:
+        """The state without what the process forgets, which is never the greatest score."""
+        from motorgrad.search._forgetting import least_informative
+        from motorgrad.search._gaussian_process import Posterior
+
+        known = len(state["scores"])
+        surplus = 0 if self.memory is None else known - self.memory
+        if surplus <= 0:
+            return state
+        best = int(np.nanargmax(state["scores"]))
+        if self.forgets == "oldest":
+            gone = [each for each in range(known) if each != best][:surplus]
+        else:
+            posterior = Posterior(self.kernel, state["settings"], self._data(state))
+            gone = least_informative(posterior, known, surplus, best)
+        kept = {name: np.delete(state[name], gone, axis=0) for name in ("places", "scores", "gradients", "variances")}
+        return {**state, **kept}
+
     def _data(self, state: State) -> "Data":
         """The observations in units of standardised scores, with room for the candidates of a round."""
         from motorgrad.search._gaussian_process import Data
@@ -128,8 +159,10 @@ class BayesianOptimisation(WithCandidates):
         level, scale = _standard(state["scores"])
         known = np.isfinite(state["scores"])
         scores = (np.where(known, state["scores"], state["scores"][known].min()) - level) / scale
+        # a full memory has one shape, before a round is forgotten and after
+        needed = len(scores) if self.memory is not None and len(scores) > self.memory else len(scores) + self.candidates
         room = MIN_CANDIDATES
-        while room < len(scores) + self.candidates:
+        while room < needed:
             room *= 2
         return Data.of(state["places"], scores, state["gradients"] / scale, state["variances"] / scale**2, room)
 

@@ -76,6 +76,12 @@ class Data(NamedTuple):
         rows = (array[:, :columns].T.ravel() for array in (values, noise))
         return cls(Functional(np.tile(place, (columns, 1)), weight, direction), *rows)
 
+    @property
+    def capacity(self) -> int:
+        """For how many candidates there are rows."""
+        columns = 1 + self.seen.place.shape[1] if np.any(self.seen.direction) else 1
+        return len(self.values) // columns
+
     def believed(self, row: int, place: Float[np.ndarray, " size"], value: float) -> "Data":
         """The data with one more score, in an empty row."""
         seen = Functional(self.seen.place.copy(), self.seen.weight.copy(), self.seen.direction)
