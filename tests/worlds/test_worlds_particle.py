@@ -377,3 +377,49 @@ def test_what_cannot_be_is_refused_by_name(build, words):
     with pytest.raises(ValueError) as error:  # noqa: PT011
         build()
     assert words in str(error.value)
+
+
+VARIED = ParticleStart(
+    x=(0.5, 0.5), y=(0.9, 0.9), mass=(0.5, 2.0), gravity=(0.8, 1.2), drag=(1.0, 3.0), force=(0.5, 1.5)
+)
+
+
+def drawn_factors(uniforms):
+    return Particle(((0.4, 0.0),), start=VARIED).reset(jnp.asarray(uniforms)).factors
+
+
+def test_the_factors_of_an_episode_are_drawn_within_their_bounds_and_kept():
+    world = Particle(((0.4, 0.0),), start=VARIED)
+    assert world.reset_uniforms == 4
+    np.testing.assert_allclose(drawn_factors([0.0, 0.5, 1.0, 0.25]), [0.5, 1.0, 3.0, 0.75])
+    state = world.reset(jnp.full(4, 0.25))
+    after = world.step(state, jnp.ones(1), jnp.zeros(0))
+    np.testing.assert_array_equal(after.factors, state.factors)
+
+
+def test_a_particle_with_factors_moves_as_one_whose_physics_have_these_numbers():
+    """Mass, gravity and drag of the physics, and the forces, each multiplied beforehand."""
+    uniforms = jnp.array([0.1, 0.7, 0.4, 0.9])
+    mass, gravity, drag, force = (float(each) for each in drawn_factors(uniforms))
+    usual = ParticlePhysics()
+    same = ParticlePhysics(
+        mass=mass * usual.mass, gravity=(0.0, gravity * usual.gravity[1]), drag=drag * usual.drag, noise=0.1
+    )
+    varied = Particle(((0.4, 0.0),), ParticlePhysics(noise=0.1), VARIED)
+    plain = Particle(((0.4 * force, 0.0),), same, ParticleStart(x=(0.5, 0.5), y=(0.9, 0.9)))
+    one, other = varied.reset(uniforms), plain.reset(jnp.zeros(0))
+    assert other.factors is None
+    gusts = jnp.linspace(0.1, 0.9, varied.uniforms)
+    move, expected = jax.jit(varied.step), jax.jit(plain.step)
+    for _ in range(5):
+        one = move(one, jnp.ones(1), gusts)
+        other = expected(other, jnp.ones(1), gusts)
+    np.testing.assert_allclose(one.position, other.position, rtol=1e-5)
+    np.testing.assert_allclose(one.velocity, other.velocity, rtol=1e-4)
+
+
+def test_factors_for_which_drag_is_not_integrated_stably_are_refused():
+    with pytest.raises(ValueError, match=r"timestep = 0\.1: must be below"):
+        Particle(((0.4, 0.0),), start=ParticleStart(mass=(0.05, 1.0), drag=(1.0, 2.0)))
+    with pytest.raises(ValueError, match=r"mass = \(2.0, 1.0\): must be low <= high"):
+        ParticleStart(mass=(2.0, 1.0))

@@ -20,6 +20,7 @@ from motorgrad.learning._baselines import (
     ScalarBaseline,
 )
 from motorgrad.learning._batches import Batch
+from motorgrad.learning._bayesian_gradient import GradientPosterior, bayesian_gradient
 from motorgrad.learning._centring import Centring, SimpleCentring, ValueBasedCentring
 from motorgrad.learning._chain import SGD, Adam, Chain, Optax, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._conjugate import ConjugateGradient
@@ -121,6 +122,7 @@ __all__ = [
     "FixedStep",
     "Goal",
     "GradientLearner",
+    "GradientPosterior",
     "Growth",
     "GrowthState",
     "Hindsight",
@@ -180,6 +182,7 @@ __all__ = [
     "any_of",
     "at",
     "averaging_field",
+    "bayesian_gradient",
     "check_scores",
     "choose",
     "count",

@@ -8,12 +8,13 @@ from motorgrad.worlds._finite import (
     action_index,
     call_admission,
     chain,
+    episodes,
     load_unload,
     parity,
     t_maze,
     three_state,
 )
-from motorgrad.worlds._particle import Particle, ParticlePhysics, ParticleStart, ParticleState
+from motorgrad.worlds._particle import Particle, ParticleFactors, ParticlePhysics, ParticleStart, ParticleState
 from motorgrad.worlds._particle_forces import CircularField, Walls
 from motorgrad.worlds._recruitment import (
     QueriedLoads,
@@ -23,6 +24,7 @@ from motorgrad.worlds._recruitment import (
     immediate_reward,
     mean_field,
 )
+from motorgrad.worlds._transition_posterior import TransitionPosterior
 from motorgrad.worlds._world import World
 
 __all__ = [
@@ -31,17 +33,20 @@ __all__ = [
     "CircularField",
     "FiniteMDP",
     "Particle",
+    "ParticleFactors",
     "ParticlePhysics",
     "ParticleStart",
     "ParticleState",
     "QueriedLoads",
     "SweepingLoads",
+    "TransitionPosterior",
     "UniformLoads",
     "Walls",
     "World",
     "action_index",
     "call_admission",
     "chain",
+    "episodes",
     "immediate_gradient",
     "immediate_reward",
     "load_unload",

@@ -246,6 +246,27 @@ def t_maze(length: int = 5) -> FiniteMDP:
     return FiniteMDP(transitions, rewards, np.eye(5)[kinds], start=outside)
 
 
+def episodes(mdp: FiniteMDP, steps: int) -> FiniteMDP:
+    r"""The same world in episodes of `steps` decisions each, after which it starts anew. A state is one of `mdp` and
+    the number of decisions in the episode, which the policy does not observe.
+
+    Its average reward is the expected return of an episode, divided by `steps`; and so are its gradient and its Fisher
+    matrix the expected return's and that of whole episodes, $\mathbb E\,uu'$ with $u = \sum_t \nabla\log\pi$.
+
+    **Raises:** `ValueError` for fewer steps than 1.
+    """
+    check_integer("steps", steps, 1)
+    actions, states = mdp.actions, mdp.states
+    transitions = np.zeros((actions, steps, states, steps, states))
+    for step in range(steps - 1):
+        transitions[:, step, :, step + 1, :] = mdp.transitions
+    transitions[:, -1, :, 0, mdp.start] = 1
+    whole = steps * states
+    rewards = np.tile(mdp.expected_rewards, (1, steps))
+    observations = np.tile(mdp.observations, (steps, 1))
+    return FiniteMDP(transitions.reshape(actions, whole, whole), rewards, observations, mdp.start)
+
+
 class AdmissionThresholds(SigmoidUnits):
     r"""Accept a call of type $m$ with probability $\sigma(s(\theta_m - \text{calls in progress}))$.
 

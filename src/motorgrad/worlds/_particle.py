@@ -9,11 +9,13 @@ from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check
 from motorgrad._random import normals
-from motorgrad.schema import Settings, count, inner, static
+from motorgrad.schema import Range, Settings, count, inner, static
 from motorgrad.worlds._particle_forces import NOT_NEGATIVE, POSITIVE, WITHIN, CircularField, Components, Flags, Walls
 from motorgrad.worlds._world import World, runge_kutta
 
 MAX_FORCES = 10_000
+SAME = (1.0, 1.0)
+FACTORS = Range(0.01, 100.0)
 STABLE = 2.78  # stability limit of the fourth-order Runge–Kutta method on the negative real axis
 FEW = 1_024  # forces summed elementwise; beyond, a matrix product is faster
 UNROLLED = 4  # integration steps that are unrolled; more run in a loop
@@ -25,6 +27,15 @@ Moving = tuple[Motion, tuple[Flags, Flags]]
 """These, and the sides that were reached."""
 Pair = Float[Array, " 2"]
 Span = tuple[float, float]
+
+
+class ParticleFactors(NamedTuple):
+    """Of an episode, by what the particle's mass, gravity, drag and the forces of actions are multiplied."""
+
+    mass: Any
+    gravity: Any
+    drag: Any
+    force: Any
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,55 +90,74 @@ class ParticlePhysics(Settings):
         """Seconds for which an action is held."""
         return self.timestep * self.substeps
 
-    def step(self, motion: Motion, push: Components) -> tuple[Motion, tuple[Flags, Flags]]:
-        """One time step under a constant `push`: the new motion, and the sides that were reached."""
+    def step(
+        self, motion: Motion, push: Components, factors: ParticleFactors | None = None
+    ) -> tuple[Motion, tuple[Flags, Flags]]:
+        """One time step under a constant `push`: the new motion, and the sides that were reached. Mass, gravity
+        and drag are multiplied by their `factors`, if there are any."""
         if self.collisions == "reposition":
-            return self._collided(self._moved(motion, push, self.timestep), push)
+            return self._collided(self._moved(motion, push, factors, self.timestep), push, factors)
         left: Any = jnp.asarray(self.timestep, jnp.result_type(motion[0][0]))
         no = jnp.zeros((), bool)
         reached = ((no, no), (no, no))
         for _ in range(COLLISIONS):
-            before = self._until_collision(motion, push, left)
-            motion, sides = self._collided(self._moved(motion, push, before), push)
+            before = self._until_collision(motion, push, factors, left)
+            motion, sides = self._collided(self._moved(motion, push, factors, before), push, factors)
             reached = jax.tree.map(jnp.logical_or, reached, sides)
             left = left - before
-        motion, sides = self._collided(self._moved(motion, push, left), push)
+        motion, sides = self._collided(self._moved(motion, push, factors, left), push, factors)
         return motion, jax.tree.map(jnp.logical_or, reached, sides)
 
-    def _moved(self, motion: Motion, push: Components, time: Any) -> Motion:
+    def _mass(self, factors: ParticleFactors | None) -> Any:
+        return self.mass if factors is None else self.mass * factors.mass
+
+    def _moved(self, motion: Motion, push: Components, factors: ParticleFactors | None, time: Any) -> Motion:
         """The motion after a `time` in s without collisions."""
         resting = self.walls.resting(*motion)
+        mass = self._mass(factors)
 
         def rate(motion: Motion) -> Motion:
-            fx, fy = self.walls.bear(self._force(motion, push), motion[1], resting)
-            return motion[1], (fx / self.mass, fy / self.mass)
+            fx, fy = self.walls.bear(self._force(motion, push, factors), motion[1], resting)
+            return motion[1], (fx / mass, fy / mass)
 
         return runge_kutta(rate, motion, time)
 
-    def _collided(self, moved: Motion, push: Components) -> tuple[Motion, tuple[Flags, Flags]]:
+    def _collided(
+        self, moved: Motion, push: Components, factors: ParticleFactors | None
+    ) -> tuple[Motion, tuple[Flags, Flags]]:
         """The motion after a collision, if there is any, and the sides that were reached."""
-        fx, fy = self._force(moved, push)
-        part = self.timestep / self.mass
+        fx, fy = self._force(moved, push, factors)
+        part = self.timestep / self._mass(factors)
         position, velocity, reached = self.walls.collide(*moved, (part * fx, part * fy))
         return (position, velocity), reached
 
-    def _until_collision(self, motion: Motion, push: Components, longest: Float[Array, ""]) -> Float[Array, ""]:
+    def _until_collision(
+        self, motion: Motion, push: Components, factors: ParticleFactors | None, longest: Float[Array, ""]
+    ) -> Float[Array, ""]:
         """The time in s until just after the particle passes a wall, or the `longest` one."""
+
+        def passed(time: Float[Array, ""]) -> Bool[Array, ""]:
+            return self.walls.passed(self._moved(motion, push, factors, time)[0])
 
         def halve(_: int, span: tuple[Array, Array]) -> tuple[Array, Array]:
             low, high = span
             middle = 0.5 * (low + high)
-            passed = self.walls.passed(self._moved(motion, push, middle)[0])
-            return jnp.where(passed, low, middle), jnp.where(passed, middle, high)
+            beyond = passed(middle)
+            return jnp.where(beyond, low, middle), jnp.where(beyond, middle, high)
 
-        passed = self.walls.passed(self._moved(motion, push, longest)[0])
         _, after = jax.lax.fori_loop(0, HALVINGS, halve, (jnp.zeros_like(longest), longest))
-        return jnp.where(passed, after, longest)
+        return jnp.where(passed(longest), after, longest)
 
-    def _force(self, motion: Motion, push: Components) -> Components:
+    def _force(self, motion: Motion, push: Components, factors: ParticleFactors | None = None) -> Components:
         (x, y), (vx, vy) = motion
-        fx = push[0] + self.mass * self.gravity[0] - self.drag * vx
-        fy = push[1] + self.mass * self.gravity[1] - self.drag * vy
+        if factors is None:
+            fx = push[0] + self.mass * self.gravity[0] - self.drag * vx
+            fy = push[1] + self.mass * self.gravity[1] - self.drag * vy
+        else:
+            weight = factors.mass * factors.gravity * self.mass
+            drag = factors.drag * self.drag
+            fx = push[0] + weight * self.gravity[0] - drag * vx
+            fy = push[1] + weight * self.gravity[1] - drag * vy
         if not self.field.acts:
             return fx, fy
         field = self.field.force(x, y)
@@ -135,23 +165,29 @@ class ParticlePhysics(Settings):
 
 
 class ParticleState(NamedTuple):
-    """Position and velocity of a particle, and which sides of the box it `reached` in the last step of the world: left,
-    bottom, right, top."""
+    """Position and velocity of a particle, which sides of the box it `reached` in the last step of the world: left,
+    bottom, right, top; and the `factors` of the episode's physics, `None` where these are the same in all."""
 
     position: Pair
     velocity: Pair
     reached: Bool[Array, " 4"]
+    factors: ParticleFactors | None = None
 
 
 @dataclasses.dataclass(frozen=True)
 class ParticleStart(Settings):
     """The initial state of an episode: every number is drawn independently from U[low, high], and fixed where both are
-    equal."""
+    equal. The factors multiply what the physics says for the whole episode, so that a learner meets worlds from a
+    distribution."""
 
     x: Span = static((0.0, 1.0), allowed=WITHIN, help="low and high of the position from left to right")
     y: Span = static((0.9, 1.0), allowed=WITHIN, help="low and high of the position upwards")
     velocity_x: Span = static((0.0, 0.0), allowed=WITHIN, help="low and high of the speed to the right, per second")
     velocity_y: Span = static((0.0, 0.0), allowed=WITHIN, help="low and high of the speed upwards, per second")
+    mass: Span = static(SAME, allowed=FACTORS, help="low and high of a factor of the mass")
+    gravity: Span = static(SAME, allowed=FACTORS, help="low and high of a factor of gravity")
+    drag: Span = static(SAME, allowed=FACTORS, help="low and high of a factor of the drag")
+    force: Span = static(SAME, allowed=FACTORS, help="low and high of a factor of the forces of actions")
 
     def validate(self) -> None:
         for name, (low, high) in self._spans().items():
@@ -169,7 +205,14 @@ class ParticleStart(Settings):
             low + (high - low) * next(numbers) if low < high else jnp.asarray(low, uniforms.dtype)
             for low, high in self._spans().values()
         ]
-        return ParticleState(jnp.stack(drawn[:2]), jnp.stack(drawn[2:]), jnp.zeros(4, bool))
+        place, speed, factors = drawn[:2], drawn[2:4], drawn[4:]
+        varied = None if self.factors_of_one else ParticleFactors(*factors)
+        return ParticleState(jnp.stack(place), jnp.stack(speed), jnp.zeros(4, bool), varied)
+
+    @property
+    def factors_of_one(self) -> bool:
+        """Whether the physics are the same in all episodes."""
+        return all(getattr(self, name) == SAME for name in ParticleFactors._fields)
 
     def _spans(self) -> dict[str, Span]:
         return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
@@ -200,6 +243,9 @@ class Particle(Settings, World):
             ("start.y", start.y, (walls.bottom, walls.top)),
         ):
             check(ends[0] <= low and high <= ends[1], name, (low, high), f"within the box, {ends[0]:g} … {ends[1]:g}")
+        if not start.factors_of_one:  # the physics must be possible at both ends of what is drawn
+            for mass, drag in zip(start.mass, reversed(start.drag), strict=True):
+                dataclasses.replace(self.physics, mass=mass * self.physics.mass, drag=drag * self.physics.drag)
 
     @property
     def uniforms(self) -> int:  # type: ignore[override]  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -223,12 +269,14 @@ class Particle(Settings, World):
             push = tuple(forces.T @ action)
         else:
             push = jnp.sum(action * forces[:, 0]), jnp.sum(action * forces[:, 1])
+        if state.factors is not None:
+            push = (state.factors.force * push[0], state.factors.force * push[1])
         gusts = physics.noise * normals(uniforms).reshape(-1, 2) if physics.noise else None
 
         def integrate(carry: Moving, gust: Float[Array, " 2"] | None) -> tuple[Moving, None]:
             motion, before = carry
             pushed = push if gust is None else (push[0] + gust[0], push[1] + gust[1])
-            motion, reached = physics.step(motion, pushed)
+            motion, reached = physics.step(motion, pushed, state.factors)
             return (motion, jax.tree.map(jnp.logical_or, before, reached)), None
 
         no = jnp.zeros((), bool)
@@ -238,4 +286,5 @@ class Particle(Settings, World):
             integrate, start, gusts, length=steps, unroll=steps if steps <= UNROLLED else 1
         )
         (left, right), (bottom, top) = reached
-        return ParticleState(jnp.stack(motion[0]), jnp.stack(motion[1]), jnp.stack([left, bottom, right, top]))
+        sides = jnp.stack([left, bottom, right, top])
+        return ParticleState(jnp.stack(motion[0]), jnp.stack(motion[1]), sides, state.factors)
