@@ -72,6 +72,8 @@ MODULES = (
     "chapter_6.section_6_5.navigation",
     "chapter_6.section_6_5.spatial_index",
     "chapter_6.section_6_5.local_hopper",
+    "chapter_7.section_7_3_models",
+    "chapter_7.section_7_3_bayesian_monte_carlo",
     "appendix_a.figure_a_1",
     "appendix_a.figure_a_2",
 )

@@ -1,0 +1,1 @@
+"""Chapter 7: what the thesis proposes for the future."""
