@@ -3,6 +3,8 @@
 # pyright: reportMissingImports=false
 # (tinygp is of the extra `search`; `_bayesian.py` imports this file when it is needed)
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
 from scipy.linalg import solve_triangular
@@ -74,7 +76,8 @@ def _rows(posterior: Posterior) -> np.ndarray:
 
 def _solved(posterior: Posterior) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     r"""$Q$, $\alpha$ and the diagonal of $N$, of all rows."""
-    root = np.asarray(posterior.prior.solver.scale_tril)
+    solver: Any = posterior.prior.solver
+    root = np.asarray(solver.scale_tril)
     inverse = solve_triangular(root, np.eye(len(root)), lower=True)
     precision = inverse.T @ inverse
     return precision, precision @ posterior.data.values, np.asarray(posterior.prior.noise.diagonal())

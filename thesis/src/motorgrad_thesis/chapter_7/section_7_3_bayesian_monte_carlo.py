@@ -93,7 +93,7 @@ class BayesianMonteCarlo(Experiment):
                     errors[method][place].append(np.sum((mean - exact) ** 2) / np.sum(exact**2))
                 for method, posterior in posteriors.items():
                     spread = COVERED * np.sqrt(np.diag(posterior.covariance))
-                    inside[method][place].append(np.mean(np.abs(posterior.mean - exact) <= spread + 1e-9))
+                    inside[method][place].append(float(np.mean(np.abs(posterior.mean - exact) <= spread + 1e-9)))
         made |= {f"{method} error": np.array(each) for method, each in errors.items()}
         made |= {f"{method} inside": np.array(each) for method, each in inside.items() if each[0]}
         return made
@@ -194,15 +194,12 @@ def estimates(
         "baseline": apart @ score / (len(returns) - 1),  # as the mean is of the same returns
     }
     size = score.shape[1]
+    nothing = GradientPosterior(np.zeros(size), np.diag(np.full(size, np.inf)))
+    known = np.ptp(returns) > 0
     posteriors = {
-        name: bayesian_gradient(returns, score, matrix, of)
-        if np.ptp(returns) > 0
-        else GradientPosterior(np.zeros(size), np.diag(np.full(size, np.inf)))
-        for name, matrix, of in (
-            ("integrand", fisher, "integrand"),
-            ("return", fisher, "return"),
-            ("visited", visited, "return"),
-        )
+        "integrand": bayesian_gradient(returns, score, fisher, "integrand") if known else nothing,
+        "return": bayesian_gradient(returns, score, fisher) if known else nothing,
+        "visited": bayesian_gradient(returns, score, visited) if known else nothing,
     }
     return means | {name: each.mean for name, each in posteriors.items()}, posteriors
 
