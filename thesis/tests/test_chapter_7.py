@@ -7,7 +7,7 @@ from motorgrad.worlds import chain, episodes, oracle
 from motorgrad_thesis import EXPERIMENTS, reproduce
 from motorgrad_thesis.chapter_7.section_7_3_bayesian_monte_carlo import WORLDS, estimates, sample
 
-NAMES = ("sec-7.3-models", "sec-7.3-bayesian-monte-carlo")
+NAMES = ("sec-7.3-models", "sec-7.3-bayesian-monte-carlo", "sec-7.3-forgetting")
 
 
 @pytest.mark.slow
@@ -45,6 +45,8 @@ def test_equal_returns_say_nothing():
 @pytest.mark.parametrize(
     ("name", "setting", "named"),
     [
+        ("sec-7.3-forgetting", {"lengths": (28, 12)}, "lengths = "),
+        ("sec-7.3-forgetting", {"memory": 3}, "memory = 3"),
         ("sec-7.3-bayesian-monte-carlo", {"numbers": (20, 5)}, "numbers = "),
         ("sec-7.3-models", {"decisions": 10}, "decisions = 10"),
     ],

@@ -74,6 +74,7 @@ MODULES = (
     "chapter_6.section_6_5.local_hopper",
     "chapter_7.section_7_3_models",
     "chapter_7.section_7_3_bayesian_monte_carlo",
+    "chapter_7.section_7_3_forgetting",
     "appendix_a.figure_a_1",
     "appendix_a.figure_a_2",
 )
