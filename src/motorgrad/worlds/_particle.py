@@ -205,9 +205,8 @@ class ParticleStart(Settings):
             low + (high - low) * next(numbers) if low < high else jnp.asarray(low, uniforms.dtype)
             for low, high in self._spans().values()
         ]
-        place, speed, factors = drawn[:2], drawn[2:4], drawn[4:]
-        varied = None if self.factors_of_one else ParticleFactors(*factors)
-        return ParticleState(jnp.stack(place), jnp.stack(speed), jnp.zeros(4, bool), varied)
+        factors = None if self.factors_of_one else ParticleFactors(*drawn[4:])
+        return ParticleState(jnp.stack(drawn[:2]), jnp.stack(drawn[2:4]), jnp.zeros(4, bool), factors)
 
     @property
     def factors_of_one(self) -> bool:

@@ -125,7 +125,8 @@ class Models(Experiment):
 
     def claims(self, values: Values) -> Iterator[Claim]:
         for name in TASKS:
-            times, never = {}, {}
+            times = {}
+            never = {}
             for kind in LEARNERS:
                 decision = values[f"{name} {kind} decision"]
                 reached = values[f"{name} {kind}"] >= LEVEL
