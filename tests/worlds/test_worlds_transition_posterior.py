@@ -19,7 +19,7 @@ def experience(decisions, seed=0):
 
 
 def test_counts_are_added_to_the_prior():
-    belief = TransitionPosterior.of(three_state(), prior=1.5).told([0, 0, 2], [1, 1, 0], [2, 2, 1])
+    belief = TransitionPosterior.of(three_state(), prior=1.5).updated([0, 0, 2], [1, 1, 0], [2, 2, 1])
     np.testing.assert_allclose(belief.parameters[1, 0], [0.5, 0.5, 2.5])
     np.testing.assert_allclose(belief.parameters[0, 2], [0.5, 1.5, 0.5])
     np.testing.assert_allclose(belief.parameters[0, 0], 0.5)
@@ -27,7 +27,7 @@ def test_counts_are_added_to_the_prior():
 
 
 def test_samples_have_the_mean_and_the_variance_of_the_dirichlet_distribution():
-    belief = TransitionPosterior.of(three_state()).told(*experience(20))
+    belief = TransitionPosterior.of(three_state()).updated(*experience(20))
     random = np.random.default_rng(0)
     drawn = np.array([belief.sample(random).transitions for _ in range(4000)])
     mean = belief.mean().transitions
@@ -48,14 +48,14 @@ def test_the_gradient_tends_to_the_exact_one_with_experience():
     exact = oracle.flat(oracle.gradient(three_state(), POINT))
     errors = []
     for decisions in (10, 20_000):
-        belief = TransitionPosterior.of(three_state()).told(*experience(decisions))
+        belief = TransitionPosterior.of(three_state()).updated(*experience(decisions))
         found = oracle.flat(belief.gradient(POINT, np.random.default_rng(0), models=5))
         errors.append(np.linalg.norm(found - exact) / np.linalg.norm(exact))
     assert errors[1] < 0.05 < errors[0]
 
 
 def test_the_gradient_is_the_mean_of_those_of_the_sampled_worlds():
-    belief = TransitionPosterior.of(three_state()).told(*experience(20))
+    belief = TransitionPosterior.of(three_state()).updated(*experience(20))
     one, other = np.random.default_rng(3), np.random.default_rng(3)
     each = [oracle.flat(oracle.gradient(belief.sample(one), POINT)) for _ in range(3)]
     np.testing.assert_allclose(oracle.flat(belief.gradient(POINT, other, models=3)), np.mean(each, axis=0), rtol=1e-12)
@@ -67,12 +67,12 @@ def test_the_gradient_is_the_mean_of_those_of_the_sampled_worlds():
         (lambda: TransitionPosterior.of(three_state(), prior=0.0), "prior = 0.0: must be a finite number above 0"),
         (lambda: TransitionPosterior(np.zeros((2, 3, 3)), three_state()), "least of parameters = 0.0: must be above 0"),
         (lambda: TransitionPosterior(np.ones((3, 3)), three_state()), "parameters.shape = "),
-        (lambda: TransitionPosterior.of(three_state()).told([0], [2], [0]), r"actions = \[2\]: must be from 0 to 1"),
+        (lambda: TransitionPosterior.of(three_state()).updated([0], [2], [0]), r"actions = \[2\]: must be from 0 to 1"),
         (
-            lambda: TransitionPosterior.of(three_state()).told([0.5], [1], [0]),
+            lambda: TransitionPosterior.of(three_state()).updated([0.5], [1], [0]),
             r"states = \[0.5\]: must be a list",
         ),
-        (lambda: TransitionPosterior.of(three_state()).told([0, 1], [1], [0]), "must be as many of each"),
+        (lambda: TransitionPosterior.of(three_state()).updated([0, 1], [1], [0]), "must be as many of each"),
         (
             lambda: TransitionPosterior.of(three_state()).gradient(POINT, np.random.default_rng(0), 0),
             "models = 0: must be",

@@ -29,7 +29,7 @@ class TransitionPosterior:
     - `known`: a world with the rewards, the observations and the start; its transitions are not looked at.
 
     ```python
-    belief = TransitionPosterior.of(mdp).told([0], [1], [2])  # action 1 led from state 0 to state 2
+    belief = TransitionPosterior.of(mdp).updated([0], [1], [2])  # action 1 led from state 0 to state 2
     slope = belief.gradient(policy, np.random.default_rng(0), models=10)
     ```
     """
@@ -50,7 +50,7 @@ class TransitionPosterior:
         check(0 < prior < np.inf, "prior", prior, "a finite number above 0")
         return cls(np.full(mdp.transitions.shape, prior / mdp.states), mdp)
 
-    def told(self, states: npt.ArrayLike, actions: npt.ArrayLike, after: npt.ArrayLike) -> Self:
+    def updated(self, states: npt.ArrayLike, actions: npt.ArrayLike, after: npt.ArrayLike) -> Self:
         """The posterior after some decisions: the state of each, the action's index, and the state that followed."""
         found: list[Int[np.ndarray, " decisions"]] = []
         for name, given, most in (

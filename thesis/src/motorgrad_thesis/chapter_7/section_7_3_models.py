@@ -105,7 +105,7 @@ class Models(Experiment):
                 after = int(random.choice(mdp.states, p=mdp.transitions[action, state]))
                 seen.append((state, action, after))
                 state = after
-            belief = belief.told(*np.array(seen).T)
+            belief = belief.updated(*np.array(seen).T)
             for _ in range(ASCENTS):
                 slope = belief.gradient(policy, random, models) if models else oracle.gradient(belief.mean(), policy)
                 policy = _moved(policy, slope)
