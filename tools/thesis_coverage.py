@@ -141,7 +141,8 @@ def _found(experiment: str) -> str:
     """How its statements stand, such as ` (3 hold, 1 refuted)`."""
     statements = json.loads(RESULTS.read_text(encoding="utf-8")).get(experiment, [])
     count = collections.Counter(each["standing"] for each in statements)
-    words = ", ".join(f"{count[standing]} {standing}" for standing in STANDINGS if count[standing])
+    verbs = {"holds": "holds" if count["holds"] == 1 else "hold"}
+    words = ", ".join(f"{count[each]} {verbs.get(each, each)}" for each in STANDINGS if count[each])
     return f" ({words})" if words else ""
 
 
