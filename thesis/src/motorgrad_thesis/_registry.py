@@ -6,7 +6,9 @@ from motorgrad_thesis._experiment import Experiment
 
 MODULES = (
     "chapter_2.figure_2_1",
+    "chapter_2.section_2_4",
     "chapter_2.figure_2_2",
+    "chapter_2.section_2_5_1",
     "chapter_3.figure_3_1",
     "chapter_3.section_3_2_1",
     "chapter_4.figure_4_1",
@@ -77,6 +79,7 @@ MODULES = (
     "chapter_7.section_7_3_forgetting",
     "appendix_a.figure_a_1",
     "appendix_a.figure_a_2",
+    "appendix_a.section_a_3",
 )
 """A new experiment is one file, which holds one experiment, and a line in this table."""
 
