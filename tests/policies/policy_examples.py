@@ -36,6 +36,7 @@ from motorgrad.policies import (
     SoftBoxes,
     Softmax,
     SoftSpheres,
+    SpikingUnits,
     abilities,
     initial,
     split,
@@ -136,6 +137,7 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "controller": lambda rng: FiniteStateController(_softmax(rng, 3, 6), _hyperplanes(rng, 2, 6)),
     "controller-softmax": lambda rng: FiniteStateController(_softmax(rng, 2, 4), _softmax(rng, 3, 4)),
     "recurrent": _recurrent,
+    "spiking": lambda rng: SpikingUnits(rng.normal(size=(3, 2)), rng.normal(size=3)),
     "admission-thresholds": lambda rng: AdmissionThresholds(rng.normal(size=3), rng.uniform(0.5, 2)),
 }
 
@@ -343,7 +345,8 @@ def without_task() -> set[str]:
 KNOWN = {
     *("bounded-hyperplanes", "finite-state-controller", "gated", "gaussians", "graded-hyperplanes"),
     *("graded-motoneurons", "graded-tiles", "growing", "hyperplanes", "layered", "mixed", "mixture", "motoneurons"),
-    *("primitives", "querying-motoneurons", "recurrent", "soft-boxes", "soft-spheres", "softmax", "tiles"),
+    *("primitives", "querying-motoneurons", "recurrent", "soft-boxes", "soft-spheres", "softmax", "spiking"),
+    "tiles",
 }
 """Initial policies that need no further example, so that an import of this file makes no policy. A test asks whether
 this is so."""

@@ -68,6 +68,7 @@ from motorgrad.policies._soft_shapes import (
     soft_spheres,
 )
 from motorgrad.policies._softmax import InitialSoftmax, Softmax, softmax
+from motorgrad.policies._spiking import InitialSpiking, SpikingUnits, spiking
 from motorgrad.policies._standardisation import Standardisation, adapted
 from motorgrad.policies._starting import INITIAL, Initial, InitialPolicy, initial
 from motorgrad.policies._structure import describe, rebuild
@@ -118,6 +119,7 @@ __all__ = [
     "InitialSoftBoxes",
     "InitialSoftSpheres",
     "InitialSoftmax",
+    "InitialSpiking",
     "InitialTiles",
     "Interface",
     "Layered",
@@ -142,6 +144,7 @@ __all__ = [
     "SoftBoxes",
     "SoftSpheres",
     "Softmax",
+    "SpikingUnits",
     "Standardisation",
     "Statistics",
     "abilities",
@@ -177,6 +180,7 @@ __all__ = [
     "soft_boxes",
     "soft_spheres",
     "softmax",
+    "spiking",
     "split",
     "thawed",
     "tiles",

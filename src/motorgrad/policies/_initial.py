@@ -15,6 +15,7 @@ from motorgrad.policies._querying import InitialQueryingMotoneurons
 from motorgrad.policies._recurrent import InitialRecurrent
 from motorgrad.policies._soft_shapes import InitialSoftBoxes, InitialSoftSpheres
 from motorgrad.policies._softmax import InitialSoftmax
+from motorgrad.policies._spiking import InitialSpiking
 from motorgrad.policies._starting import INITIAL
 
 INITIAL.update(
@@ -39,6 +40,7 @@ INITIAL.update(
         "soft-boxes": InitialSoftBoxes,
         "soft-spheres": InitialSoftSpheres,
         "softmax": InitialSoftmax,
+        "spiking": InitialSpiking,
         "tiles": InitialTiles,
     }
 )
