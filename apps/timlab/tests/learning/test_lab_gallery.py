@@ -10,6 +10,7 @@ from timlab.gallery import GALLERY, example
 SEEDS = 16
 GAINS = {
     "motoneuron-pool": (20_000, 0.2),
+    "spiking-pool": (40_000, 0.01),
     "linear-recruitment": (20_000, 0.2),
     "particle": (12_000, 0.05),
     "constructive-pool": (24_000, 0.01),

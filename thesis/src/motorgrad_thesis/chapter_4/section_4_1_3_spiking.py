@@ -40,7 +40,9 @@ REACH = 4 * CONSTANT
 """Its membrane's time constant, and the longest time between spikes that are looked at, in decisions."""
 
 DRIVES = np.linspace(0.05, 0.95, 7)
-WEAK, MEDIUM, STRONG = 0, 3, 6
+WEAK = 0
+MEDIUM = 3
+STRONG = 6
 """Places among the drives."""
 LAST = 0.1  # share of the records, the last, that counts as the end
 MATCHED = 1.1
@@ -93,7 +95,7 @@ class Spiking(Experiment):
         the force over decisions; the mean force of each pool over the drive; and how every unit of the first seed's
         pool with the natural step responds to the drive."""
         figure, axes = subplots(9.6, 6.6, 2, 2)
-        (window, error), (force, units) = axes
+        window, error, force, units = axes.flat
         lags = np.arange(-REACH, REACH + 1)
         window.plot(lags, values["step"].T, color="#3b6fb6", linewidth=0.4, alpha=0.3)
         window.plot(lags, values["step"].mean(0), color="#3b6fb6", linewidth=1.8)

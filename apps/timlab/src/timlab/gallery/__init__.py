@@ -6,7 +6,7 @@ from motorgrad._arguments import check_arguments
 from motorgrad._errors import unknown
 from timlab.diagram import Diagram
 from timlab.gallery._dynamics import anti_windup, bouncing_ball, lorenz, pendulum, spiking
-from timlab.gallery._plain_blocks import leg_controller, motoneuron_pool
+from timlab.gallery._plain_blocks import leg_controller, motoneuron_pool, spiking_pool
 from timlab.gallery._tasks import (
     chain,
     constructive_pool,
@@ -21,6 +21,7 @@ from timlab.gallery._wiring import learner
 
 GALLERY: dict[str, Callable[[], Diagram]] = {
     "motoneuron-pool": motoneuron_pool,
+    "spiking-pool": spiking_pool,
     "linear-recruitment": linear_recruitment,
     "particle": particle,
     "constructive-pool": constructive_pool,

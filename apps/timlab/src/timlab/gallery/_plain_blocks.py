@@ -1,11 +1,14 @@
-"""Diagrams whose world consists of plain blocks: a motoneuron pool, and a leg controller."""
+"""Diagrams whose world consists of plain blocks: two motoneuron pools, and a leg controller."""
 
 from timlab.blocks import (
     DiscreteIntegrator,
+    DiscreteLag,
     Expression,
     Hyperplanes,
     Join,
+    Learner,
     Motoneurons,
+    Raster,
     Reduce,
     Scope,
     StateMachine,
@@ -47,6 +50,63 @@ def motoneuron_pool() -> Diagram:
         ("reward", "baseline.reward"),
     )
     smoothed(diagram, "reward", over=200.0)
+    return diagram
+
+
+SPIKING = 8
+# s
+HELD = 1.0
+TWITCH = 0.05
+HEBBIAN = {
+    "policy": {"kind": "spiking", "time_constant": 4.0},
+    "decay": 0.9,
+    "normalization": "root-mean-square",
+    "baseline": {"kind": "binned", "bins": 32, "rate": 0.02},
+    "learning_rate": 1e-3,
+}
+
+
+def spiking_pool() -> Diagram:
+    """Spiking motoneurons that learn to grade a force by a Hebbian rule."""
+    many = (SPIKING,)
+    diagram = Diagram(
+        tick=0.005,
+        title="Spiking motoneurons that learn",
+        comment=f"{SPIKING} leaky integrate-and-fire motoneurons receive one drive, which is drawn anew every second. "
+        "Each spike makes fibres of their muscle twitch. 'pool' is a learner whose score is Hebbian (section 4.1.3 of "
+        "the thesis): if reward follows, a weight grows where its input came before a spike, and falls where none "
+        "followed. The reward is minus the squared difference from the wanted force. At first every neuron fires in "
+        "half of the ticks, whatever the drive is. After some minutes of simulated time the force follows the drive: a "
+        "stronger one recruits more of them, and they fire faster. Change 'slope' or 'intercept' of 'wanted' during a "
+        "run, and the pool adapts; tick 'frozen' of 'pool', and it does not. With 'time_constant = 0' in its settings "
+        "the neurons have no memory.",
+    )
+    diagram.add("drive", UniformNoise(low=0.0, high=1.0, shape=(1,), period=HELD))
+    diagram.add("pool", Learner(1, SPIKING, HEBBIAN))
+    diagram.add("recruited", Reduce("mean", many))
+    diagram.add("muscle", DiscreteLag(TWITCH))
+    diagram.add("seen", Reduce("sum", (1,)))
+    diagram.add("wanted", Expression("slope * drive + intercept", ("drive",), ("slope", "intercept"), (0.4, 0.05)))
+    # of the actions before this tick: the muscle's output is that of its last inputs
+    diagram.add("reward", Expression("-(force - wanted)^2", ("force", "wanted")))
+    diagram.add("spikes", Raster(many, window=2.0))
+    diagram.add("force over time", Scope(("force", "wanted"), window=10.0))
+    connect(
+        diagram,
+        ("drive", "pool.observation"),
+        ("drive", "pool.next_observation"),
+        ("drive", "seen"),
+        ("seen", "wanted.drive"),
+        ("pool.action", "recruited"),
+        ("recruited", "muscle"),
+        ("muscle", "reward.force"),
+        ("wanted", "reward.wanted"),
+        ("reward", "pool.reward"),
+        ("pool.action", "spikes"),
+        ("muscle", "force over time.force"),
+        ("wanted", "force over time.wanted"),
+    )
+    smoothed(diagram, "reward", over=5.0)
     return diagram
 
 
