@@ -34,11 +34,13 @@ RESULTS = DOCS / "data" / "reproduction.json"
 PAGE = DOCS / "thesis-coverage.md"
 HEAD = """# What of the thesis is here
 
-Item by item: what the thesis describes, proposes or claims, in the order of its sections, and where it is. Experiments are run by `motorgrad reproduce NAME`; behind
-each is how many statements of the thesis it found to hold. Those that are refuted are listed, with reasons, on [reproduction](reproduction.md); how we read the text where it
-is silent or misprinted, in [deviations](decisions/deviations-from-the-thesis.md).
+Item by item: what the thesis describes, proposes or claims, in the order of its sections, and where it is.
+Experiments are run by `motorgrad reproduce NAME`; behind each is how many statements of the thesis it found to hold.
+Those that are refuted are listed, with reasons, on [reproduction](reproduction.md); how we read the text where it is
+silent or misprinted, in [deviations](decisions/deviations-from-the-thesis.md).
 
-This page is made by `python -m tools.thesis_coverage`, from the registries of experiments and parts: a name that no longer exists is an error of the tests.
+This page is made by `python -m tools.thesis_coverage`, from the registries of experiments and parts: a name that no
+longer exists is an error of the tests.
 """
 
 

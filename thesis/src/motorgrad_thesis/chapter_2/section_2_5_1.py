@@ -94,7 +94,7 @@ class GlobalSearch(Experiment):
                 rows = np.array([[each["mean"], each["deviation"]] for each in candidates])
                 actions = rows[:, :1] + rows[:, 1:] * random.standard_normal((len(rows), DRAWS))
                 away = (actions[..., None] - bumps.centre) / bumps.width
-                return (bumps.height * np.exp(-0.5 * away**2)).sum(-1).mean(1)
+                return np.asarray((bumps.height * np.exp(-0.5 * away**2)).sum(-1).mean(1))
 
             found = search(score, space, METHODS[name], evaluations=self.evaluations, seed=index, progress=False)
             best = np.array([list(found.best.values())], float)
@@ -130,8 +130,9 @@ class GlobalSearch(Experiment):
         decisions = values["gradient decisions"]
         style = {"colour": COLOURS["gradient"], "label": LABELS["gradient"], "records": self._records(values)}
         draw_band(axes, decisions, values["gradient reward"], **style)
-        axes.axhline(values["best"], color="0.3", linestyle=":", label="best policy")
-        axes.axhline(REACHED * values["best"], color="0.7", linewidth=0.8)
+        best = float(values["best"])
+        axes.axhline(best, color="0.3", linestyle=":", label="best policy")
+        axes.axhline(REACHED * best, color="0.7", linewidth=0.8)
         axes.set(xlabel="decisions", ylabel="average reward", xscale="log", title="the chain, twelve parameters")
         axes.legend(fontsize=9, loc="lower right")
 
