@@ -21,6 +21,7 @@ MODULES = (
     "chapter_4.figure_4_7",
     "chapter_4.figure_4_8",
     "chapter_4.figure_4_9",
+    "chapter_4.section_4_4.updates",
     "chapter_4.section_4_4.negative_inputs",
     "chapter_4.section_4_4.large_loads",
     "chapter_4.section_4_4.growth",
