@@ -17,6 +17,7 @@ from jax.flatten_util import ravel_pytree
 
 from motorgrad.policies import (
     INITIAL,
+    Alternating,
     Factored,
     Featured,
     FeatureMap,
@@ -37,6 +38,7 @@ from motorgrad.policies import (
     Softmax,
     SoftSpheres,
     SpikingUnits,
+    Tied,
     abilities,
     initial,
     split,
@@ -123,6 +125,8 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "mirrored": lambda rng: Mirrored(_hyperplanes(rng, 2, 3), (1, 0, 2), (1, 1, -1), (0, 3), (2, 1)),
     "mirrored-local": lambda rng: Mirrored(Factored([_local(rng, 1), _boxes(rng, 1)]), (0, 1), (1, -1), (0, 1), (2, 3)),
     "mirrored-network": lambda rng: Mirrored(_mirrored_pool(rng), (0, 1), (1, -1), (0, 3), (2, 1)),
+    "tied": lambda rng: Tied(_motoneurons(rng, 2), (0, 1, 0)),
+    "alternating": lambda rng: Alternating(Factored([_hyperplanes(rng, 1), _local(rng, 2)]), turns=2),
     "gated": _gated,
     "gated-nested": lambda rng: Gated(
         _hyperplanes(rng, 1), [Factored([Gated(_boxes(rng, 1), [_local(rng, 1)]), _hyperplanes(rng, 1)])]
@@ -343,10 +347,17 @@ def without_task() -> set[str]:
 
 
 KNOWN = {
-    *("bounded-hyperplanes", "finite-state-controller", "gated", "gaussians", "graded-hyperplanes"),
+    *(
+        "alternating-motoneurons",
+        "bounded-hyperplanes",
+        "finite-state-controller",
+        "gated",
+        "gaussians",
+        "graded-hyperplanes",
+    ),
     *("graded-motoneurons", "graded-tiles", "growing", "hyperplanes", "layered", "mixed", "mixture", "motoneurons"),
     *("primitives", "querying-motoneurons", "recurrent", "soft-boxes", "soft-spheres", "softmax", "spiking"),
-    "tiles",
+    *("tied-motoneurons", "tiles"),
 }
 """Initial policies that need no further example, so that an import of this file makes no policy. A test asks whether
 this is so."""
@@ -358,7 +369,7 @@ HIDING = {"layered", "layered-skip", "controller", "controller-softmax"}
 HIDING |= {name for name in _FOUND if abilities.has_hidden_units(policy_of(name))}
 """The examples of which the task gets only a part of what they draw. A test asks whether this is so."""
 
-DEPENDENT = {"gated", "gated-nested", "factored-gated"}
+DEPENDENT = {"gated", "gated-nested", "factored-gated", "tied"}
 DEPENDENT |= {name for name in _FOUND if not getattr(policy_of(name), "independent", True)}
 """The examples whose units fire or not by what others do. A test asks whether this is so."""
 

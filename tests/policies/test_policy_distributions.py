@@ -94,7 +94,7 @@ def test_enumerate_lists_every_action_once_in_the_type_of_samples(name):
     actions = Compiled(policy).enumerate()
     sample = jax.eval_shape(policy.sample, np.zeros(policy.inputs), np.full(policy.uniforms, 0.5))
     assert len(np.unique(actions, axis=0)) == len(actions)
-    special = {"gated": 15, "gated-nested": 7, "factored-gated": 10}  # the possible ones
+    special = {"gated": 15, "gated-nested": 7, "factored-gated": 10, "tied": 4}  # the possible ones
     special |= {"layered": 4 * 3 * 2 * 4, "layered-skip": 4 * 3, "controller": 3 * 4, "controller-softmax": 2 * 3}
     binary = special.get(name, 2**policy.outputs)
     assert len(actions) == (policy.outputs if actions.ndim == 1 else binary)

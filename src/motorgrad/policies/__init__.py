@@ -3,6 +3,7 @@
 from motorgrad._interface import ActionCode, Interface, ObservationCode, Statistics
 from motorgrad.policies import abilities
 from motorgrad.policies._actor import Actor, decide
+from motorgrad.policies._alternating import Alternating, InitialAlternatingMotoneurons, alternating_motoneurons
 from motorgrad.policies._architectures import ACTIVATIONS, Architecture, MultilayerPerceptron
 from motorgrad.policies._arguments import sizes
 from motorgrad.policies._autoregressive import Autoregressive
@@ -72,6 +73,7 @@ from motorgrad.policies._spiking import InitialSpiking, SpikingUnits, spiking
 from motorgrad.policies._standardisation import Standardisation, adapted
 from motorgrad.policies._starting import INITIAL, Initial, InitialPolicy, initial
 from motorgrad.policies._structure import describe, rebuild
+from motorgrad.policies._tied import InitialTiedMotoneurons, Tied, tied_motoneurons
 from motorgrad.policies.abilities import Regions
 
 __all__ = [
@@ -80,6 +82,7 @@ __all__ = [
     "INITIAL",
     "ActionCode",
     "Actor",
+    "Alternating",
     "Architecture",
     "Autoregressive",
     "BinaryUnits",
@@ -98,6 +101,7 @@ __all__ = [
     "GradedUnits",
     "Hyperplanes",
     "Initial",
+    "InitialAlternatingMotoneurons",
     "InitialBoundedHyperplanes",
     "InitialFiniteStateController",
     "InitialGated",
@@ -120,6 +124,7 @@ __all__ = [
     "InitialSoftSpheres",
     "InitialSoftmax",
     "InitialSpiking",
+    "InitialTiedMotoneurons",
     "InitialTiles",
     "Interface",
     "Layered",
@@ -147,9 +152,11 @@ __all__ = [
     "SpikingUnits",
     "Standardisation",
     "Statistics",
+    "Tied",
     "abilities",
     "activity",
     "adapted",
+    "alternating_motoneurons",
     "bounded_hyperplanes",
     "decide",
     "describe",
@@ -183,6 +190,7 @@ __all__ = [
     "spiking",
     "split",
     "thawed",
+    "tied_motoneurons",
     "tiles",
     "trainable",
     "with_frozen_functions",

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array
 from numpy.typing import ArrayLike
@@ -113,3 +114,9 @@ def sizes(task: SizedTask | int, outputs: int | None) -> tuple[int, int]:
     check(inputs > 0, "inputs", inputs, "a positive number of inputs")
     check(outputs is not None and outputs > 0, "outputs", outputs, "a positive number of units or actions")
     return inputs, int(outputs or 0)
+
+
+def python_numbers(values: ArrayLike) -> Any:
+    """Whole numbers as Python integers, so that `describe` can store them; others stay, to be refused."""
+    found = np.ravel(np.asarray(values)).tolist()
+    return tuple(int(n) if isinstance(n, int | float) and float(n).is_integer() else n for n in found)

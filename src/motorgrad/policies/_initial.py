@@ -1,5 +1,6 @@
 """The initial policies that the library has, by name."""
 
+from motorgrad.policies._alternating import InitialAlternatingMotoneurons
 from motorgrad.policies._binary import InitialHyperplanes, InitialMotoneurons
 from motorgrad.policies._bounded import InitialBoundedHyperplanes
 from motorgrad.policies._composed import InitialGated, InitialMixture
@@ -17,9 +18,11 @@ from motorgrad.policies._soft_shapes import InitialSoftBoxes, InitialSoftSpheres
 from motorgrad.policies._softmax import InitialSoftmax
 from motorgrad.policies._spiking import InitialSpiking
 from motorgrad.policies._starting import INITIAL
+from motorgrad.policies._tied import InitialTiedMotoneurons
 
 INITIAL.update(
     {
+        "alternating-motoneurons": InitialAlternatingMotoneurons,
         "bounded-hyperplanes": InitialBoundedHyperplanes,
         "finite-state-controller": InitialFiniteStateController,
         "gated": InitialGated,
@@ -41,6 +44,7 @@ INITIAL.update(
         "soft-spheres": InitialSoftSpheres,
         "softmax": InitialSoftmax,
         "spiking": InitialSpiking,
+        "tied-motoneurons": InitialTiedMotoneurons,
         "tiles": InitialTiles,
     }
 )

@@ -7,11 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
-from numpy.typing import ArrayLike
 
 from motorgrad._errors import check
 from motorgrad.policies import abilities
-from motorgrad.policies._arguments import SizedTask, sizes
+from motorgrad.policies._arguments import SizedTask, python_numbers, sizes
 from motorgrad.policies._binary import BinaryUnits, zero_hyperplanes
 from motorgrad.policies._delegating import Seeing, units_of
 from motorgrad.policies._featured import InitialFeatured
@@ -19,12 +18,6 @@ from motorgrad.policies._parameters import in_structure, with_fields
 from motorgrad.policies._policy import Composed, Policy
 from motorgrad.policies._starting import Initial, function_of, then
 from motorgrad.schema import count
-
-
-def _python_numbers(values: ArrayLike) -> Any:
-    """Whole numbers as Python integers, so that `describe` can store them; others stay, to be refused."""
-    found = np.ravel(np.asarray(values)).tolist()
-    return tuple(int(n) if isinstance(n, int | float) and float(n).is_integer() else n for n in found)
 
 
 class Mirrored(Composed, BinaryUnits):
@@ -55,10 +48,10 @@ class Mirrored(Composed, BinaryUnits):
     """
 
     pool: Policy
-    order: tuple[int, ...] = eqx.field(converter=_python_numbers, static=True)
-    signs: tuple[int, ...] = eqx.field(converter=_python_numbers, static=True)
-    left: tuple[int, ...] = eqx.field(converter=_python_numbers, static=True)
-    right: tuple[int, ...] = eqx.field(converter=_python_numbers, static=True)
+    order: tuple[int, ...] = eqx.field(converter=python_numbers, static=True)
+    signs: tuple[int, ...] = eqx.field(converter=python_numbers, static=True)
+    left: tuple[int, ...] = eqx.field(converter=python_numbers, static=True)
+    right: tuple[int, ...] = eqx.field(converter=python_numbers, static=True)
 
     def __check_init__(self) -> None:
         units = units_of(self.pool)
