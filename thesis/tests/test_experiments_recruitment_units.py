@@ -1,15 +1,27 @@
 """The experiments on how and when the units of a pool learn: each from end to end at its smoke size, its measures
 against other ways to the same number, and its judgements both ways."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from motorgrad.bodies import POSTURES
-from motorgrad.tasks import ArmRecruitment
+from motorgrad.policies import Motoneurons
+from motorgrad.tasks import ArmRecruitment, LinearRecruitment
+from motorgrad.worlds import immediate_gradient
 from motorgrad_thesis import EXPERIMENTS
+from motorgrad_thesis.chapter_4._pools import LOADS
+from motorgrad_thesis.chapter_4.section_4_4.asynchronous import RESTS, WORDS, compared, moments
+from motorgrad_thesis.chapter_4.section_4_4.large_loads import REWARD_TYPES
+from motorgrad_thesis.chapter_4.section_4_4.tied_units import sampled
 from motorgrad_thesis.chapter_4.section_4_4.updates import step
 
-CLAIMED = {"sec-4.4-updates": 2 * 5}
+CLAIMED = {
+    "sec-4.4-updates": 2 * 5,
+    "sec-4.4-asynchronous": 10,
+    "sec-4.4-tied": 2 * 9,
+}
 SEEDS = 20
 
 
@@ -36,6 +48,10 @@ def test_results_are_over_twenty_seeds_or_more(name):
     [
         ("sec-4.4-updates", {"factors": (4.0, 1.0)}, "factors = "),
         ("sec-4.4-updates", {"factors": (0.0, 1.0)}, r"factors\[0\] = 0.0"),
+        ("sec-4.4-asynchronous", {"shares": (1.0, 0.2)}, "shares = "),
+        ("sec-4.4-asynchronous", {"shares": (0.2, 1.2)}, r"shares\[1\] = 1.2"),
+        ("sec-4.4-tied", {"groups": (4, 2)}, "groups = "),
+        ("sec-4.4-tied", {"groups": (2, 16)}, r"groups = .* rising to 32"),
     ],
 )
 def test_impossible_settings_are_refused_by_name(name, setting, named):
@@ -77,3 +93,79 @@ def test_claims_about_updates_go_both_ways():
 def test_a_step_of_one_is_that_of_the_task():
     assert step(1.0) == ArmRecruitment.learner["learning_rate"]
     assert step(80.0) == pytest.approx({"gain": 0.016, "threshold": 0.032})
+
+
+# units in turn
+
+
+POOLS = jax.vmap(Motoneurons)(jnp.array([[0.2, 0.5], [0.4, 0.6]]), jnp.array([[3.0, 9.0], [-2.0, 5.0]]))
+
+
+def test_the_mean_of_gradient_samples_is_the_gradient_of_the_oracle():
+    task = LinearRecruitment(units=2)
+    mean, variance = moments(task, POOLS)
+    loads = (np.arange(LOADS)[:, None] + 0.5) / LOADS
+    exact = immediate_gradient(
+        Motoneurons(POOLS.threshold[1], POOLS.gain[1]), loads, np.full(LOADS, 1 / LOADS), task.immediate
+    )
+    np.testing.assert_allclose(mean[1], np.concatenate([exact.threshold, exact.gain]), rtol=1e-4)
+    assert (variance > 0).all()
+
+
+def test_turns_among_noisy_units_follow_the_true_gradient_with_the_same_noise():
+    found = compared(LinearRecruitment(units=2), POOLS)
+    np.testing.assert_allclose(found["noisy cosine"], 1, atol=1e-5)
+    np.testing.assert_allclose(found["noisy variance"], 1, atol=1e-3)
+    assert (found["quiet cosine"] < 0.999).any()
+
+
+def turns(cosine, variance, error):
+    """Values of pools with so much error in turn, of 1 together, and with such directions of quiet turns."""
+    values = {"share": np.array([0.02, 0.2, 1.0]), "decision": np.arange(1, 41) * 1000}
+    values |= {f"{name} error": error + noise((SEEDS, 40)) for name in WORDS}
+    values |= {f"together{kind} error": 1 + noise((SEEDS, 40)) for kind in ("", "-large")}
+    for rest in RESTS:
+        values |= {
+            f"{rest} cosine": cosine - np.abs(noise((3, SEEDS))),
+            f"{rest} variance": variance + noise((3, SEEDS)),
+        }
+    return values | {"noisy cosine": np.full((3, SEEDS), 1.0 if cosine < 0.9 else 0.5)}
+
+
+def test_claims_about_turns_go_both_ways():
+    kind = EXPERIMENTS["sec-4.4-asynchronous"]()
+    quicker = turns(0.7, 0.5, 0.8)
+    assert [claim.holds for claim in kind.claims(quicker)] == [True] * 10
+    kind.figure(quicker)
+    assert [claim.holds for claim in kind.claims(turns(1.1, 1.5, 1.2))] == [False] * 10
+
+
+# tied units
+
+
+def test_what_groups_draw_is_binomial():
+    assert sampled(2, 0.86) == pytest.approx(0.25)
+    assert sampled(8, 7 / 8) == pytest.approx(9 / 256)
+    assert sampled(1, 0.5) == pytest.approx(0.5)
+
+
+def tied(few, many, halved, apart=0.0):
+    """Values of pools that fire so much at large loads: in few groups, as independent units, and after halving."""
+    values = {"groups": np.array([2, 32]), "units": np.array(32), "sampled": np.array([0.25, 1e-5])}
+    for reward_type in REWARD_TYPES:
+        low = np.abs(noise(SEEDS))
+        values |= {
+            f"{reward_type} tied": np.stack([few + low, many + low]),
+            f"{reward_type} few": few + low + apart,
+            f"{reward_type} halved": np.stack([few + low, halved + low]),
+        }
+    return twice(values)
+
+
+def test_claims_about_tied_units_go_both_ways():
+    kind = EXPERIMENTS["sec-4.4-tied"](groups=(2, 32))
+    useful = tied(0.9, 0.0, 0.9)
+    assert [claim.holds for claim in kind.claims(useful)] == [True] * 18
+    kind.figure(useful)
+    useless = tied(0.0, 0.0, 0.0, apart=0.1)
+    assert [claim.holds for claim in kind.claims(useless)] == 2 * ([True] + [False] * 8)

@@ -1,7 +1,7 @@
 """Units that learn in turn: at any time only some of a pool draw and learn, and the others rest."""
 
 import itertools
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import equinox as eqx
 import jax
@@ -132,7 +132,10 @@ class InitialAlternatingMotoneurons(InitialMotoneurons):
     )
 
     def start(self, task: SizedTask | int) -> Initial:
-        return then(lambda pool: Alternating(pool, self.turns, self.hold, self.rest), super().start(task))
+        def in_turn(pool: Any) -> Alternating:
+            return Alternating(pool, self.turns, self.hold, self.rest)
+
+        return then(in_turn, super().start(task))
 
 
 alternating_motoneurons = function_of(InitialAlternatingMotoneurons)

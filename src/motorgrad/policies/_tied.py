@@ -14,7 +14,7 @@ from motorgrad.policies._arguments import SizedTask, python_numbers
 from motorgrad.policies._binary import BinaryUnits, InitialMotoneurons, Motoneurons
 from motorgrad.policies._parameters import in_structure
 from motorgrad.policies._policy import Composed, has_rows
-from motorgrad.policies._starting import Initial, function_of, then
+from motorgrad.policies._starting import Initial, function_of
 from motorgrad.schema import count
 
 
@@ -150,10 +150,7 @@ class InitialTiedMotoneurons(InitialMotoneurons):
         units = self.outputs(task)
         check(self.groups <= units, "groups", self.groups, f"at most {units}, the number of units")
         of = np.arange(units) * self.groups // units
-        return then(
-            lambda pool: Tied(pool, of),
-            lambda key: Motoneurons(self.thresholds(key, self.groups), jnp.zeros(self.groups)),
-        )
+        return lambda key: Tied(Motoneurons(self.thresholds(key, self.groups), jnp.zeros(self.groups)), of)
 
 
 tied_motoneurons = function_of(InitialTiedMotoneurons)
