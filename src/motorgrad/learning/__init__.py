@@ -38,6 +38,7 @@ from motorgrad.learning._gradient_learner import (
 from motorgrad.learning._gradients import gradient_of
 from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
 from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
+from motorgrad.learning._learned_step import LearnedStep, LearnedStepState
 from motorgrad.learning._learned_trace import LearnedTrace
 from motorgrad.learning._learner import (
     Decision,
@@ -131,6 +132,8 @@ __all__ = [
     "IntentionalStep",
     "IntentionalTemporalDifference",
     "LaggedGaussian",
+    "LearnedStep",
+    "LearnedStepState",
     "LearnedTrace",
     "Learner",
     "LeastSquares",

@@ -13,6 +13,7 @@ from motorgrad.learning._estimator import Estimator
 from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
 from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
+from motorgrad.learning._learned_step import LearnedStep
 from motorgrad.learning._learned_trace import LearnedTrace
 from motorgrad.learning._natural import FisherMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural
@@ -45,6 +46,7 @@ PART_CLASSES.update(
             "constant": Constant,
             "critic": LinearCritic,
             "fixed-step": FixedStep,
+            "learned-step": LearnedStep,
             "linear": LinearBaseline,
             "mean": MeanReward,
             "network-critic": NetworkCritic,
