@@ -68,6 +68,7 @@ BY_HAND = {
             "baseline": BASELINES,
             "metric": of("metric", Metric),
             "update_every": [{"update_every": each} for each in (8, "episode", "never")],
+            "criterion": [{"criterion": "maximum"}],
             "optimizer": of("optimizer", Optimizer, update_every=8),
             "bound": of("estimator.bound", StepBound),
             "entropy": [{"entropy": 0.1, "estimator.entropy_in": place} for place in ("sample", "trace")],

@@ -57,6 +57,7 @@ from motorgrad.learning._overshooting import BoundedTemporalDifference, Overshoo
 from motorgrad.learning._registry import register
 from motorgrad.learning._replay import Drawn, Experience, Hindsight, Replay
 from motorgrad.learning._replay_learner import ReplayLearner
+from motorgrad.learning._reward_criteria import Accumulated, Average, Discounted, Last, Maximum, RewardCriterion
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed, at
 from motorgrad.learning._stationary_metric import StationaryMetric
@@ -80,6 +81,7 @@ __all__ = [
     "PURPOSES",
     "SGD",
     "STEPS",
+    "Accumulated",
     "ActionTransitions",
     "ActionValueEnsemble",
     "ActionValues",
@@ -88,6 +90,7 @@ __all__ = [
     "Advantages",
     "AgentState",
     "Annealed",
+    "Average",
     "Baseline",
     "Batch",
     "BinnedBaseline",
@@ -106,6 +109,7 @@ __all__ = [
     "CriticState",
     "CriticStep",
     "Decision",
+    "Discounted",
     "Drawn",
     "EligibilityBaseline",
     "EnsembleState",
@@ -132,6 +136,7 @@ __all__ = [
     "IntentionalStep",
     "IntentionalTemporalDifference",
     "LaggedGaussian",
+    "Last",
     "LearnedStep",
     "LearnedStepState",
     "LearnedTrace",
@@ -142,6 +147,7 @@ __all__ = [
     "LinearBaseline",
     "LinearCritic",
     "LinearState",
+    "Maximum",
     "MeanReward",
     "Measured",
     "Metric",
@@ -158,6 +164,7 @@ __all__ = [
     "RegressionMetric",
     "Replay",
     "ReplayLearner",
+    "RewardCriterion",
     "RewardScaling",
     "RootMeanSquare",
     "RunningMean",

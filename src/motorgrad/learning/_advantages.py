@@ -9,12 +9,13 @@ from jaxtyping import Array, Float, PyTree
 from motorgrad._branching import where
 from motorgrad.learning._baselines import Advantage, Baseline
 from motorgrad.learning._learner import Transition
+from motorgrad.learning._reward_criteria import RewardCriterion
 from motorgrad.learning._scaling import RewardScaling, RootMeanSquare
 from motorgrad.policies import Policy, trainable
 
 S = TypeVar("S", bound=Any)
-"""A state with the fields `baseline`, `scaling` and `normalization`, those of the three parts, `None` for an absent
-one."""
+"""A state with the fields `baseline`, `scaling`, `normalization` and `criterion`, those of the four parts, `None` for
+an absent one."""
 
 
 class Advantages(NamedTuple):
@@ -23,6 +24,7 @@ class Advantages(NamedTuple):
     baseline: Baseline | None = None
     reward_scaling: RewardScaling | None = None
     normalization: RootMeanSquare | None = None
+    criterion: RewardCriterion | None = None
 
     def init(self, policy: Policy, key: jax.Array) -> dict[str, PyTree]:
         """The fields of a state before the first decision. The `key` matters where the baseline is drawn at random."""
@@ -31,6 +33,7 @@ class Advantages(NamedTuple):
             "baseline": None if self.baseline is None else self.baseline.start(policy, dtype, key),
             "scaling": None if self.reward_scaling is None else self.reward_scaling.init(dtype),
             "normalization": None if self.normalization is None else self.normalization.init(dtype),
+            "criterion": None if self.criterion is None else self.criterion.init(dtype),
         }
 
     def observe(self, state: S, observation: Float[Array, " inputs"]) -> S:
@@ -38,6 +41,15 @@ class Advantages(NamedTuple):
         if self.baseline is None:
             return state
         return state._replace(baseline=self.baseline.observe(state.baseline, observation))
+
+    def paid(self, state: S, transition: Transition) -> tuple[Transition, S]:
+        """The transition with what it pays by the criterion in place of its reward, and the state after it. One that
+        diverged changes nothing."""
+        if self.criterion is None:
+            return transition, state
+        increment, accumulated = self.criterion.update(state.criterion, transition.reward)
+        accumulated = where(transition.diverged, state.criterion, accumulated)
+        return transition._replace(reward=increment), state._replace(criterion=accumulated)
 
     def update(self, state: S, policy: Policy, transition: Transition) -> tuple[Advantage, S]:
         """The advantage of a transition, and the state after it. One that diverged changes nothing learned."""
@@ -65,6 +77,7 @@ class Advantages(NamedTuple):
         return state._replace(
             baseline=None if self.baseline is None else self.baseline.restart(state.baseline),
             scaling=None if self.reward_scaling is None else self.reward_scaling.restart(state.scaling),
+            criterion=None if self.criterion is None else self.criterion.init(state.criterion.value.dtype),
         )
 
     def level(self, state: Any) -> Float[Array, ""]:

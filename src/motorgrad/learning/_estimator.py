@@ -14,6 +14,7 @@ from motorgrad.learning._baselines import Baseline, MeanReward
 from motorgrad.learning._gradients import gradient_of
 from motorgrad.learning._learner import Transition
 from motorgrad.learning._overshooting import StepBound
+from motorgrad.learning._reward_criteria import Accumulated, RewardCriterion, check_criterion, criterion_field
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.learning._traces import Exponential, Trace, credited
@@ -25,8 +26,8 @@ class EstimatorState(NamedTuple):
     r"""What an estimator carries from decision to decision.
 
     The state of the `trace`, of the `baseline` and of the `normalization` of advantages; `weight`, the discount
-    $\gamma^t$ within the episode; the state of the `scaling` of rewards; that of the `bound`. A part that is absent has
-    the state `None`.
+    $\gamma^t$ within the episode; the state of the `scaling` of rewards; that of the `bound`; what the `criterion` has
+    accumulated. A part that is absent has the state `None`.
     """
 
     trace: PyTree[Array]
@@ -35,13 +36,14 @@ class EstimatorState(NamedTuple):
     weight: Float[Array, ""] | None
     scaling: ScalingState | None = None
     bound: PyTree = None
+    criterion: Accumulated | None = None
 
 
 class Estimator(Part):
     r"""How rewards and scores become gradient samples $g = \delta z$, and how many samples make a step.
 
-    **Raises:** `ValueError` for a value out of range, for a `discount` with a critic of differential values, and for
-    parts that do not fit a trace that learns, with those that do.
+    **Raises:** `ValueError` for a value out of range, for a `discount` with a critic of differential values or with a
+    `criterion`, and for parts that do not fit a trace that learns, with those that do.
     """
 
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
@@ -107,11 +109,13 @@ class Estimator(Part):
         help="none, or what limits each sample, the entropy's part included: `OvershootingBound`, a safeguard for "
         "networks that learn online, or `IntentionalStep`",
     )
+    criterion: RewardCriterion | None = criterion_field()
 
     def validate(self) -> None:
         differential = getattr(self.baseline, "discount", self) is None
         wanted = "a number where estimator.discount is one, best the same"
         check(self.discount is None or not differential, "baseline.discount", None, wanted)
+        check_criterion(self.criterion, self.discount)
         if self.trace.learns:
             apart = self.baseline is not None and self.baseline.newest_apart
             name = type(self.trace).__name__
@@ -122,7 +126,7 @@ class Estimator(Part):
     @property
     def advantages(self) -> Advantages:
         """The parts that make advantages of rewards."""
-        return Advantages(self.baseline, self.reward_scaling, self.normalization)
+        return Advantages(self.baseline, self.reward_scaling, self.normalization, self.criterion)
 
     @property
     def single_stream(self) -> str | None:
@@ -145,6 +149,8 @@ class Estimator(Part):
             found.append(f"discount = {self.discount}")
         elif self.update_every == "episode":
             found.append("update_every = 'episode'")
+        if self.criterion is not None:
+            found.append("criterion")
         return found
 
     def init(self, policy: Policy, key: jax.Array | None = None) -> EstimatorState:
@@ -164,10 +170,14 @@ class Estimator(Part):
             state = state._replace(bound=self.bound.observe(state.bound, score))
         return state._replace(trace=self.trace.update(state.trace, score))
 
+    def paid(self, state: EstimatorState, transition: Transition) -> tuple[Transition, EstimatorState]:
+        """The transition with what it pays by the criterion in place of its reward, and the state after it."""
+        return self.advantages.paid(state, transition)
+
     def sample(
         self, state: EstimatorState, policy: Policy, transition: Transition, steps: Steps = None
     ) -> tuple[PyTree[Array], EstimatorState]:
-        r"""The gradient sample of a transition, $g = \delta z$, and the state after it.
+        r"""The gradient sample of a transition as it is `paid`, $g = \delta z$, and the state after it.
 
         A transition that diverged changes nothing learned, and its sample is to be dropped.
         """

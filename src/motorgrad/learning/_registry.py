@@ -20,6 +20,7 @@ from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquares
 from motorgrad.learning._optimal_baselines import OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
 from motorgrad.learning._replay import Hindsight, Replay
+from motorgrad.learning._reward_criteria import Average, Discounted, Last, Maximum, RewardCriterion
 from motorgrad.learning._scaling import RewardScaling, RootMeanSquare
 from motorgrad.learning._schedules import Annealed
 from motorgrad.learning._stationary_metric import StationaryMetric
@@ -82,6 +83,7 @@ PART_CLASSES.update(
         Optimizer: {"adam": Adam, "conjugate-ascent": ConjugateAscent, "sgd": SGD},
         PolyakAveraging: {"polyak": PolyakAveraging},
         Replay: {"replay": Replay},
+        RewardCriterion: {"average": Average, "discounted": Discounted, "last": Last, "maximum": Maximum},
         RewardScaling: {"reward-scaling": RewardScaling},
         RootMeanSquare: {"root-mean-square": RootMeanSquare},
         SpatialIndex: {"grid": SpatialIndex},

@@ -1,6 +1,7 @@
 """Dynamics written in JAX, and exact answers for the finite ones."""
 
 from motorgrad.worlds import oracle
+from motorgrad.worlds._episodes import episode_gradient, episode_value
 from motorgrad.worlds._finite import (
     CHAIN_VARIANTS,
     AdmissionThresholds,
@@ -46,6 +47,8 @@ __all__ = [
     "action_index",
     "call_admission",
     "chain",
+    "episode_gradient",
+    "episode_value",
     "episodes",
     "immediate_gradient",
     "immediate_reward",

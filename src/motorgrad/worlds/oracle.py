@@ -19,7 +19,7 @@ mg.worlds.oracle.average_reward(mdp, policy)
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import equinox as eqx
@@ -51,6 +51,23 @@ def action_probabilities(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "s
     with jax.enable_x64(True):
         parameters, settings = split(to_float64(policy))
         return np.asarray(_chances(parameters, settings, mdp.observations, _index(mdp, policy), mdp.actions))
+
+
+def chances(mdp: FiniteMDP, policy: Policy) -> tuple[Float[Array, " parameters"], Callable[[Array], Array]]:
+    """The parameters as one vector, and the `action_probabilities` as a function of it that JAX differentiates. Call it
+    within `jax.enable_x64`."""
+    parameters, settings = split(to_float64(policy))
+    vector, build = ravel_pytree(parameters)
+    index = _index(mdp, policy)
+    return vector, lambda v: _chances(build(v), settings, mdp.observations, index, mdp.actions)
+
+
+def scores(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states actions parameters"]:
+    r"""$\nabla\log\pi$ of every action in every state, 0 for those that are impossible."""
+    with jax.enable_x64(True):
+        parameters, settings = split(to_float64(policy))
+        score = _log_slopes(parameters, settings, mdp.observations, _index(mdp, policy), mdp.actions)
+        return np.where(action_probabilities(mdp, policy)[..., None] > 0, score, 0)
 
 
 def transition_matrix(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states states"]:
@@ -128,7 +145,7 @@ def stationary_score(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "state
     matrix = transition_matrix(mdp, policy)
     chance = action_probabilities(mdp, policy)
     pi = stationary(matrix)
-    flow = np.einsum("s,sa,sai,ast->it", pi, chance, _scores(mdp, policy), mdp.transitions)
+    flow = np.einsum("s,sa,sai,ast->it", pi, chance, scores(mdp, policy), mdp.transitions)
     slope = solved((np.eye(mdp.states) - matrix + pi[None, :]).T, flow.T)
     return np.where(pi[:, None] > 0, slope / np.where(pi > 0, pi, 1)[:, None], 0)
 
@@ -170,7 +187,7 @@ def optimal_baseline(
     check(0 <= decay < 1, "decay", decay, "in [0, 1)")
     choice("each", each, ("policy", "unit", "parameter"))
     chance = action_probabilities(mdp, policy)
-    score = _scores(mdp, policy)
+    score = scores(mdp, policy)
     pi = stationary_distribution(mdp, policy)
     matrix = transition_matrix(mdp, policy)
     taken = chance[:, :, None] * score
@@ -202,7 +219,7 @@ def fisher(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "parameters para
     Blocks between the parameters of independent units are zero.
     """
     weight = stationary_distribution(mdp, policy)[:, None] * action_probabilities(mdp, policy)
-    return np.einsum("sa,sai,saj->ij", weight, *[_scores(mdp, policy)] * 2)
+    return np.einsum("sa,sai,saj->ij", weight, *[scores(mdp, policy)] * 2)
 
 
 def natural_gradient(mdp: FiniteMDP, policy: P) -> P:
@@ -379,14 +396,6 @@ def _log_slopes(parameters: PyTree, *rest: PyTree) -> Float[Array, "states actio
 @eqx.filter_jit
 def _slope_of_worth(parameters: PyTree, worth: Float[np.ndarray, "states actions"], *rest: PyTree) -> PyTree:
     return jax.grad(lambda theta: jnp.sum(worth * _chances(theta, *rest)))(parameters)
-
-
-def _scores(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states actions parameters"]:
-    r"""$\nabla\log\pi$ of every action in every state, 0 for those that are impossible."""
-    with jax.enable_x64(True):
-        parameters, settings = split(to_float64(policy))
-        score = _log_slopes(parameters, settings, mdp.observations, _index(mdp, policy), mdp.actions)
-        return np.where(action_probabilities(mdp, policy)[..., None] > 0, score, 0)
 
 
 def _mean_rewards(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, " states"]:

@@ -87,6 +87,7 @@ class Agent(GradientLearner):
         "trace": "estimator.trace",
         "decay": "estimator.trace.decay",
         "baseline": "estimator.baseline",
+        "criterion": "estimator.criterion",
         "discount": "estimator.discount",
         "update_every": "estimator.update_every",
         "reduction": "estimator.reduction",
@@ -190,7 +191,8 @@ class Agent(GradientLearner):
             action=decided.action,
             next_observation=abilities.critic_observation(state.policy, seen),
         )
-        sample, estimator = self.estimator.sample(state.estimator, state.policy, transition, state.steps)
+        transition, estimator = self.estimator.paid(state.estimator, transition)
+        sample, estimator = self.estimator.sample(estimator, state.policy, transition, state.steps)
         if isinstance(state.gradient, RunningMean):
             gradient: PyTree = where(diverged, state.gradient, add_sample(state.gradient, sample))
         else:

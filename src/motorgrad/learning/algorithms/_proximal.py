@@ -32,6 +32,7 @@ from motorgrad.learning._gradient_learner import (
 from motorgrad.learning._gradients import gradient_of
 from motorgrad.learning._learner import Decision, Learner, Needs, Transition, first_decision, with_decision
 from motorgrad.learning._natural import Metric
+from motorgrad.learning._reward_criteria import Accumulated, RewardCriterion, criterion_field
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.learning.algorithms._presets import (
@@ -52,7 +53,7 @@ from motorgrad.schema import count, inner, number, register, static
 class ProximalState(NamedTuple):
     """The policy; the `batch`; the states of the gradient transformations, of the `baseline`, of the `scaling` of
     rewards and of the `normalization` of advantages; how often the parameters have moved, `steps`; of a policy with
-    hidden units or a memory what it saw and drew, and its `memory`."""
+    hidden units or a memory what it saw and drew, and its `memory`; what the `criterion` has accumulated."""
 
     policy: Policy
     batch: Batch
@@ -63,6 +64,7 @@ class ProximalState(NamedTuple):
     steps: Steps = None
     decision: Decision | None = None
     memory: Float[Array, " memory"] | None = None
+    criterion: Accumulated | None = None
 
 
 class ProximalPolicyOptimization(GradientLearner):
@@ -134,6 +136,7 @@ class ProximalPolicyOptimization(GradientLearner):
     )
     transformations: tuple[Transformation, ...] = transformations_field()
     averaging: PolyakAveraging | None = averaging_field()
+    criterion: RewardCriterion | None = criterion_field()
 
     def validate(self) -> None:
         super().validate()
@@ -151,13 +154,15 @@ class ProximalPolicyOptimization(GradientLearner):
     @property
     def advantages(self) -> Advantages:
         """The parts that make advantages of rewards."""
-        return Advantages(self.baseline, self.reward_scaling, self.normalization)
+        return Advantages(self.baseline, self.reward_scaling, self.normalization, self.criterion)
 
     @property
     def needs(self) -> Needs:
         episodes = ["decay = 1"] if isinstance(self.decay, float) and self.decay == 1 else []
         if self.baseline is not None and self.baseline.needs_episodes:
             episodes.append(f"baseline.{self.baseline.needs_episodes}")
+        if self.criterion is not None:
+            episodes.append("criterion")
         kept = f"batches used again by {type(self).__name__}"
         return Needs(tuple(episodes), single_stream=kept, memory="independent")
 
@@ -197,6 +202,7 @@ class ProximalPolicyOptimization(GradientLearner):
             action=decided.action,
             next_observation=abilities.critic_observation(policy, seen),
         )
+        transition, state = self.advantages.paid(state, transition)
         advantage, state = self.advantages.update(state, policy, transition)
         newest = 0 if advantage.newest is None else advantage.newest
         batch = state.batch.add(decided.observation, decided.action, advantage.trace, newest, dropped)

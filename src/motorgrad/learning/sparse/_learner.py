@@ -27,6 +27,7 @@ from motorgrad.learning._advantages import Advantages, times
 from motorgrad.learning._baselines import MeanReward, ScalarBaseline
 from motorgrad.learning._chain import SGD
 from motorgrad.learning._learner import Learner, Needs, Transition
+from motorgrad.learning._reward_criteria import Accumulated, RewardCriterion, check_criterion, criterion_field
 from motorgrad.learning._scaling import NormalizationState, RootMeanSquare
 from motorgrad.learning._schedules import changes
 from motorgrad.learning._traces import Episodic, Exponential, credited
@@ -71,7 +72,8 @@ class IndexState(NamedTuple):
 class SparseState(NamedTuple):
     r"""The policy, which is up to date only after `publish`; the weights of the episodes in the trace; the `index`; the
     states of the `baseline` and of the `normalization` of advantages; the discount $\gamma^t$ within the episode,
-    `weight`; between `observe` and `update` the `sample`, which is $\delta$ times the trace."""
+    `weight`; between `observe` and `update` the `sample`, which is $\delta$ times the trace; what the `criterion` has
+    accumulated."""
 
     policy: LocalGaussians
     trace: Float[Array, " episodes"]
@@ -81,6 +83,7 @@ class SparseState(NamedTuple):
     scaling: None = None
     weight: Float[Array, ""] | None = None
     sample: Float[Array, " episodes"] | None = None
+    criterion: Accumulated | None = None
 
 
 class SparseLearner(Learner):
@@ -117,6 +120,11 @@ class SparseLearner(Learner):
         1e-3, 0, groups=True, help=r"$\alpha$, for all parameters or for each of the policy's fields, as of `SGD`"
     )
     index: SpatialIndex = inner(SpatialIndex(), help="what is neglected and when tables are made")
+    criterion: RewardCriterion | None = criterion_field()
+
+    def validate(self) -> None:
+        super().validate()
+        check_criterion(self.criterion, self.discount)
 
     @classmethod
     def settings_from(cls, other: Learner) -> dict[str, Any]:
@@ -126,6 +134,7 @@ class SparseLearner(Learner):
         estimator = other.estimator
         found["discount"] = estimator.discount
         found["normalization"] = estimator.normalization
+        found["criterion"] = estimator.criterion
         if isinstance(estimator.trace, Exponential | Episodic):
             found["decay"] = estimator.trace.decay if isinstance(estimator.trace, Exponential) else 1.0
         if estimator.baseline is None or isinstance(estimator.baseline, ScalarBaseline):
@@ -137,13 +146,15 @@ class SparseLearner(Learner):
     @property
     def advantages(self) -> Advantages:
         """The parts that make advantages of rewards."""
-        return Advantages(self.baseline, None, self.normalization)
+        return Advantages(self.baseline, None, self.normalization, self.criterion)
 
     @property
     def needs(self) -> Needs:
         found = ["decay = 1"] if isinstance(self.decay, float) and self.decay == 1 else []
         if self.discount is not None:
             found.append(f"discount = {self.discount}")
+        if self.criterion is not None:
+            found.append("criterion")
         return Needs(tuple(found), single_stream=f"the index of {type(self).__name__}", score=True)
 
     @property
@@ -229,6 +240,7 @@ class SparseLearner(Learner):
     def observe(self, state: SparseState, transition: Transition) -> SparseState:
         r"""Turn a reward into $\delta$ times the trace. The end of an episode restarts the trace."""
         diverged = transition.diverged
+        transition, state = self.advantages.paid(state, transition)
         advantage, state = self.advantages.update(state, state.policy, transition)
         if self.discount is not None and state.weight is not None:
             advantage = times(state.weight, advantage)
