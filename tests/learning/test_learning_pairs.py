@@ -67,7 +67,10 @@ BY_HAND = {
             "trace": of("trace", Trace),
             "baseline": BASELINES,
             "metric": of("metric", Metric),
-            "update_every": [{"update_every": each} for each in (8, "episode", "never")],
+            "update_every": [
+                *({"update_every": each} for each in (8, "episode", "never")),
+                {"update_every": 8, "estimator.accuracy": {"kind": "accuracy", "block": 2, "least": 2}},
+            ],
             "criterion": [{"criterion": "maximum"}],
             "optimizer": of("optimizer", Optimizer, update_every=8),
             "bound": of("estimator.bound", StepBound),

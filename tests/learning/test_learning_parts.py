@@ -12,6 +12,7 @@ from compiled_learner import refreshed, started
 
 from families import compiled
 from motorgrad.learning import (
+    Accuracy,
     ActionValueEnsemble,
     ActionValueGradient,
     ActionValues,
@@ -182,6 +183,7 @@ def agent_with(base, name):
         StepBound: lambda: {"estimator": Estimator(bound=made(cls))},
         RewardCriterion: lambda: {"estimator": Estimator(criterion=made(cls))},
         RewardScaling: lambda: {"estimator": Estimator(reward_scaling=made(cls))},
+        Accuracy: lambda: {"estimator": Estimator(update_every=1_000, accuracy=made(cls))},
         RootMeanSquare: lambda: {"estimator": Estimator(normalization=made(cls))},
         Annealed: lambda: {"estimator": Estimator(entropy=made(cls))},
         Estimator: lambda: {"estimator": made(cls)},

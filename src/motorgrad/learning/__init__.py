@@ -4,6 +4,7 @@ from motorgrad._branching import NEVER, any_of, where, where_any
 from motorgrad._goal import Goal
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad.learning import algorithms as _algorithms
+from motorgrad.learning._accuracy import Accuracy, AccuracyState
 from motorgrad.learning._action_transitions import ActionTransitions
 from motorgrad.learning._action_value_ensemble import ActionValueEnsemble, EnsembleState
 from motorgrad.learning._advantages import Advantages
@@ -82,6 +83,8 @@ __all__ = [
     "SGD",
     "STEPS",
     "Accumulated",
+    "Accuracy",
+    "AccuracyState",
     "ActionTransitions",
     "ActionValueEnsemble",
     "ActionValues",

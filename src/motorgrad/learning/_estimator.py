@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._branching import where
 from motorgrad._errors import check
+from motorgrad.learning._accuracy import Accuracy
 from motorgrad.learning._advantages import Advantages, times
 from motorgrad.learning._baselines import Baseline, MeanReward
 from motorgrad.learning._gradients import gradient_of
@@ -110,12 +111,19 @@ class Estimator(Part):
         "networks that learn online, or `IntentionalStep`",
     )
     criterion: RewardCriterion | None = criterion_field()
+    accuracy: Accuracy | None = inner(
+        None,
+        help="none for batches of one length, or `Accuracy`: a step once the mean gradient is accurate enough, and "
+        "`update_every` is the greatest length of a batch",
+    )
 
     def validate(self) -> None:
         differential = getattr(self.baseline, "discount", self) is None
         wanted = "a number where estimator.discount is one, best the same"
         check(self.discount is None or not differential, "baseline.discount", None, wanted)
         check_criterion(self.criterion, self.discount)
+        if self.accuracy is not None:
+            self.accuracy.check(self.update_every)
         if self.trace.learns:
             apart = self.baseline is not None and self.baseline.newest_apart
             name = type(self.trace).__name__

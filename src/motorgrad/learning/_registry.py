@@ -1,5 +1,6 @@
 """The registry: the parts of a learner by name. One line here gives a part its name in options, TOML and TimLab."""
 
+from motorgrad.learning._accuracy import Accuracy
 from motorgrad.learning._action_transitions import ActionTransitions
 from motorgrad.learning._action_value_ensemble import ActionValueEnsemble
 from motorgrad.learning._baselines import Baseline, BinnedBaseline, Constant, FixedStep, LinearBaseline, MeanReward
@@ -37,6 +38,7 @@ from motorgrad.schema import register as register
 
 PART_CLASSES.update(
     {
+        Accuracy: {"accuracy": Accuracy},
         ActionValueEnsemble: {"action-value-ensemble": ActionValueEnsemble},
         ActionValues: {"action-values": ActionValues},
         Architecture: {"perceptron": MultilayerPerceptron},

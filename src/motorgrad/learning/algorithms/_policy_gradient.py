@@ -19,6 +19,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from motorgrad._branching import NEVER, Flag, any_of, where
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad.learning._accuracy import AccuracyState
 from motorgrad.learning._chain import SGD, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._gradient_learner import (
@@ -57,6 +58,7 @@ class AgentState(NamedTuple):
     - `steps`: how often the parameters have moved, where a part depends on it; 2,147,483,647 from there on.
     - `growth`: the state of a learner that grows.
     - `memory`: what the policy remembers of the episode, where it has a memory.
+    - `accuracy`: how accurate the gradient is, where that ends a batch.
     """
 
     policy: Policy
@@ -68,6 +70,7 @@ class AgentState(NamedTuple):
     growth: GrowthState | None = None
     memory: Float[Array, " memory"] | None = None
     pending: Pending | None = None
+    accuracy: AccuracyState | None = None
 
 
 class Agent(GradientLearner):
@@ -158,6 +161,7 @@ class Agent(GradientLearner):
             steps=self.first_steps(),
             growth=growth,
             memory=abilities.initial_memory(policy),
+            accuracy=None if self.estimator.accuracy is None else self.estimator.accuracy.init(policy),
         )
 
     def act(
@@ -197,11 +201,14 @@ class Agent(GradientLearner):
             gradient: PyTree = where(diverged, state.gradient, add_sample(state.gradient, sample))
         else:
             gradient = where(diverged, jax.tree.map(jnp.zeros_like, sample), sample)
+        accuracy = state.accuracy
+        if self.estimator.accuracy is not None and accuracy is not None:
+            accuracy = self.estimator.accuracy.add(accuracy, sample, diverged)
         growth = state.growth
         if self.growth is not None and growth is not None:
             growth = where(diverged, growth, self.growth.add_reward(growth, transition.reward))
         chain = self.chain.map(lambda stage, own: stage.observe(own, state.policy, transition), state.chain)
-        after = state._replace(estimator=estimator, gradient=gradient, chain=chain, growth=growth)
+        after = state._replace(estimator=estimator, gradient=gradient, chain=chain, growth=growth, accuracy=accuracy)
         ended = any_of(transition.terminated, transition.truncated, diverged)
         if self.estimator.online or self.estimator.update_every == "episode":
             after = after._replace(pending=Pending(ended, diverged))
@@ -234,14 +241,18 @@ class Agent(GradientLearner):
         count = jnp.asarray(NEVER, jnp.int32)
         if isinstance(estimator.update_every, int) and isinstance(state.gradient, RunningMean):
             count = estimator.update_every - 1 - state.gradient.count.astype(jnp.int32)
+        if estimator.accuracy is not None and state.accuracy is not None:
+            count = jnp.minimum(count, estimator.accuracy.decisions_until_due(state.accuracy))
         if estimator.baseline is not None:
             count = jnp.minimum(count, estimator.baseline.decisions_until_due(state.estimator.baseline))
         return jnp.minimum(count, self.chain.decisions_until_due(state.chain))
 
     def readings(self, state: AgentState) -> dict[str, Array]:
         """The level of rewards, `baseline`; of a learner that grows the number of `units`, and whether the newest is
-        in its `adding` phase."""
+        in its `adding` phase; with batches that end by their accuracy, the share of `unsure` steps."""
         found = {"baseline": self.estimator.level(state.estimator)}
+        if self.estimator.accuracy is not None and state.accuracy is not None:
+            found |= self.estimator.accuracy.readings(state.accuracy)
         if self.growth is not None and state.growth is not None:
             found["units"] = jnp.sum(state.policy.active)  # type: ignore[attr-defined]
             found["adding"] = self.growth.adds(state.growth).astype(jnp.int32)
@@ -257,6 +268,8 @@ class Agent(GradientLearner):
             full = False if state.pending is None else state.pending.ended
         else:
             full = running.count >= every
+            if self.estimator.accuracy is not None and state.accuracy is not None:
+                full = full | self.estimator.accuracy.reached(state.accuracy)
         return False if full is False else jnp.logical_and(full, running.count > 0)
 
     def _moved(self, state: AgentState, due: Flag) -> AgentState:
@@ -276,8 +289,10 @@ class Agent(GradientLearner):
         running: Any = state.gradient
         size = running.count.astype(jnp.result_type(float)) if self.estimator.reduction == "sum" else 1.0
         gradient = jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean)
-        moved = self.chain.step(state, gradient, due, scaled)
-        return where(due, moved._replace(gradient=running_mean(running.mean)), state)
+        moved = self.chain.step(state, gradient, due, scaled)._replace(gradient=running_mean(running.mean))
+        if self.estimator.accuracy is not None and state.accuracy is not None:
+            moved = moved._replace(accuracy=self.estimator.accuracy.restart(state.accuracy))
+        return where(due, moved, state)
 
 
 register(Learner, "policy-gradient", Agent)
