@@ -53,6 +53,7 @@ from motorgrad.learning._learner import (
 from motorgrad.learning._named_estimators import actor_critic, gae, gpomdp, olgarb, olpomdp
 from motorgrad.learning._natural import FisherMetric, LimitedMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural, RegressionMetric
+from motorgrad.learning._newton import NewtonMetric, NewtonState
 from motorgrad.learning._optimal_baselines import EligibilityBaseline, OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
 from motorgrad.learning._registry import register
@@ -156,6 +157,8 @@ __all__ = [
     "Metric",
     "Needs",
     "NetworkCritic",
+    "NewtonMetric",
+    "NewtonState",
     "NormalizationState",
     "Optax",
     "OptimalBaseline",

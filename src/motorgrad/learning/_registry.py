@@ -18,6 +18,7 @@ from motorgrad.learning._learned_step import LearnedStep
 from motorgrad.learning._learned_trace import LearnedTrace
 from motorgrad.learning._natural import FisherMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural
+from motorgrad.learning._newton import NewtonMetric
 from motorgrad.learning._optimal_baselines import OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
 from motorgrad.learning._replay import Hindsight, Replay
@@ -79,6 +80,7 @@ PART_CLASSES.update(
             "episodic-nac": EpisodicNatural,
             "fisher": FisherMetric,
             "lstd-nac": LeastSquaresNatural,
+            "newton": NewtonMetric,
             "sherman-morrison": ShermanMorrison,
             "stationary": StationaryMetric,
         },

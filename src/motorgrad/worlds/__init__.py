@@ -1,6 +1,7 @@
 """Dynamics written in JAX, and exact answers for the finite ones."""
 
 from motorgrad.worlds import oracle
+from motorgrad.worlds._curvature import biased_hessian, hessian
 from motorgrad.worlds._episodes import episode_gradient, episode_value
 from motorgrad.worlds._finite import (
     CHAIN_VARIANTS,
@@ -45,11 +46,13 @@ __all__ = [
     "Walls",
     "World",
     "action_index",
+    "biased_hessian",
     "call_admission",
     "chain",
     "episode_gradient",
     "episode_value",
     "episodes",
+    "hessian",
     "immediate_gradient",
     "immediate_reward",
     "load_unload",
