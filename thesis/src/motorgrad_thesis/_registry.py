@@ -29,6 +29,7 @@ MODULES = (
     "chapter_4.section_4_4.figure_4_10",
     "chapter_4.section_4_4.tied_units",
     "chapter_4.section_4_4.forgetting_baseline",
+    "chapter_4.section_4_4.learned_step",
     "chapter_4.section_4_4.gain_decay",
     "chapter_4.section_4_4.active_learning",
     "chapter_4.section_4_4.rate_modulation",
