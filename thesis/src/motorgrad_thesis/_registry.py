@@ -9,6 +9,7 @@ MODULES = (
     "chapter_2.section_2_4",
     "chapter_2.figure_2_2",
     "chapter_2.section_2_5_1",
+    "chapter_3.section_3_1_newton",
     "chapter_3.figure_3_1",
     "chapter_3.section_3_2_1",
     "chapter_4.figure_4_1",
