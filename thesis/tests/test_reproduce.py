@@ -366,7 +366,14 @@ def test_experiments_stand_in_the_order_of_the_source():
 
 def test_parts_and_all_choose_experiments():
     assert select_experiments(["all"], EXPERIMENTS) == list(EXPERIMENTS)
-    assert select_experiments(["chapter-3", "FIG-2.1"], EXPERIMENTS) == ["fig-2.1", "fig-3.1", "sec-3.2.1"]
+    assert select_experiments(["chapter-3", "FIG-2.1"], EXPERIMENTS) == [
+        "fig-2.1",
+        "sec-3.1-newton",
+        "fig-3.1",
+        "sec-3.2.1",
+        "sec-3.2.1-criteria",
+        "sec-3.2.2-accurate",
+    ]
     with pytest.raises(ValueError, match=r"unknown experiment 'fig-4.11': did you mean 'fig-4.1'\?"):
         select_experiments(["fig-4.11"], EXPERIMENTS)
 

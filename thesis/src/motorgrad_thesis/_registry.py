@@ -13,6 +13,7 @@ MODULES = (
     "chapter_3.figure_3_1",
     "chapter_3.section_3_2_1",
     "chapter_3.section_3_2_1_criteria",
+    "chapter_3.section_3_2_2_accurate",
     "chapter_4.figure_4_1",
     "chapter_4.section_4_1_3_spiking",
     "chapter_4.figure_4_2",
