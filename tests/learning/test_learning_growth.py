@@ -102,10 +102,12 @@ def test_the_newest_units_steps_are_eight_times_and_the_others_half_as_long_in_t
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize(("kind", "field"), [("soft-boxes", "log_width"), ("soft-spheres", "log_radius")])
+@pytest.mark.parametrize(
+    ("kind", "field"), [("soft-boxes", "log_width"), ("soft-spheres", "log_radius"), ("oriented-boxes", "log_width")]
+)
 def test_boxes_and_spheres_grow_as_gaussians_do(kind, field):
     state, _ = live(learner(kind=kind), 30)
-    assert type(state.policy.pool) in (SoftBoxes, SoftSpheres)
+    assert isinstance(state.policy.pool, SoftBoxes | SoftSpheres)
     assert np.asarray(state.policy.active).sum() == 3
     np.testing.assert_allclose(widths(state, field)[:2], 0.15, rtol=1e-5)
     np.testing.assert_array_equal(np.exp(state.policy.pool.log_hardness), np.exp(np.log(np.float32(10))))

@@ -32,6 +32,8 @@ from motorgrad.policies import (
     Motoneurons,
     MultilayerPerceptron,
     Network,
+    OrientedBoxes,
+    OrientedGaussians,
     Policy,
     Recurrent,
     SoftBoxes,
@@ -72,6 +74,19 @@ def _spheres(rng: Rng, units: int = 3, inputs: int = 2) -> SoftSpheres:
 def _boxes(rng: Rng, units: int = 3, inputs: int = 2) -> SoftBoxes:
     shape = (units, inputs)
     return SoftBoxes(rng.normal(size=shape), rng.normal(size=shape, scale=0.5), rng.normal(1, size=units))
+
+
+def _oriented(rng: Rng, units: int = 3, inputs: int = 2) -> OrientedGaussians:
+    pairs = inputs * (inputs - 1) // 2
+    shape = (units, inputs)
+    shear = rng.normal(size=(units, pairs), scale=2)
+    return OrientedGaussians(rng.normal(size=shape), rng.normal(size=shape, scale=0.5), shear, rng.uniform(0.1, 1))
+
+
+def _turned(rng: Rng, units: int = 3, inputs: int = 2) -> OrientedBoxes:
+    boxes = _boxes(rng, units, inputs)
+    turn = rng.normal(size=(units, inputs * (inputs - 1) // 2), scale=2)
+    return OrientedBoxes(boxes.centre, boxes.log_width, boxes.log_hardness, turn)
 
 
 @functools.cache
@@ -121,6 +136,10 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     ),
     "soft-spheres": _spheres,
     "soft-boxes": _boxes,
+    "oriented-gaussians": _oriented,
+    "oriented-gaussians-4": lambda rng: _oriented(rng, 2, 4),
+    "oriented-boxes": _turned,
+    "oriented-boxes-4": lambda rng: _turned(rng, 2, 4),
     "masked": lambda rng: Masked(_local(rng, 4), np.array([True, False, True, True])),
     "mirrored": lambda rng: Mirrored(_hyperplanes(rng, 2, 3), (1, 0, 2), (1, 1, -1), (0, 3), (2, 1)),
     "mirrored-local": lambda rng: Mirrored(Factored([_local(rng, 1), _boxes(rng, 1)]), (0, 1), (1, -1), (0, 1), (2, 3)),
@@ -356,6 +375,7 @@ KNOWN = {
         "graded-hyperplanes",
     ),
     *("graded-motoneurons", "graded-tiles", "growing", "hyperplanes", "layered", "mixed", "mixture", "motoneurons"),
+    *("oriented-boxes", "oriented-gaussians"),
     *("primitives", "querying-motoneurons", "recurrent", "soft-boxes", "soft-spheres", "softmax", "spiking"),
     *("tied-motoneurons", "tiles"),
 }
@@ -407,8 +427,18 @@ def _sphere_at(distance: float, hardness: float = 0.0) -> tuple[Policy, np.ndarr
     return SoftSpheres([[0.0, 1.0], [0.0, 0.0]], [0.0, -1.0], [hardness, 1.0]), np.array([distance, 1.0])
 
 
-def _box_at(distance: float, hardness: float) -> tuple[Policy, np.ndarray]:
+def _box_at(distance: float, hardness: float) -> tuple[SoftBoxes, np.ndarray]:
     return SoftBoxes([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 0.5]], [hardness, 1.0]), np.array([distance, 1.0])
+
+
+def _oriented_at(widths: float, shear: float) -> tuple[Policy, np.ndarray]:
+    shears = [[shear], [-shear]]
+    return OrientedGaussians([[0.0, 1.0], [0.0, 0.0]], [[0.0, -1.0], [1.0, 0.0]], shears), np.array([widths, 1.0])
+
+
+def _turned_at(distance: float, hardness: float, turn: float) -> tuple[Policy, np.ndarray]:
+    boxes, observation = _box_at(distance, hardness)
+    return OrientedBoxes(boxes.centre, boxes.log_width, boxes.log_hardness, [[turn], [-turn]]), observation
 
 
 def _mirrored_at(potential: float) -> tuple[Policy, np.ndarray]:
@@ -435,6 +465,12 @@ EXTREMES: dict[str, Callable[[], tuple[Policy, np.ndarray]]] = {
     **{f"box, {x} from its centre": lambda x=x: _box_at(x, 1.0) for x in (0.0, 1.0, 40.0)},
     "hard box at its centre": lambda: _box_at(0.0, np.log(700.0)),
     "hard box at its wall": lambda: _box_at(1.0, np.log(700.0)),
+    "oriented gaussian at the centre": lambda: _oriented_at(0.0, 3.0),
+    **{f"oriented gaussian, shear {x}, far away": lambda x=x: _oriented_at(40.0, x) for x in (-1.0, 1e3)},
+    "oriented box at its centre": lambda: _turned_at(0.0, 1.0, 0.5),
+    "oriented box, 40.0 from its centre": lambda: _turned_at(40.0, 1.0, -0.5),
+    "hard oriented box at its wall": lambda: _turned_at(1.0, np.log(700.0), 0.0),
+    **{f"oriented box, turn {x}": lambda x=x: _turned_at(0.3, 1.0, x) for x in (1e-8, 1e3)},
     **{f"mirrored hyperplanes at {x}": lambda x=x: _mirrored_at(x) for x in (-700.0, 50.0)},
     "gate surely open, capped below": lambda: _gated_at(50.0, 0.0),
     "gate surely closed, far below": lambda: _gated_at(-50.0, 40.0),
@@ -459,6 +495,9 @@ EXTREME_REPRESENTATIVES = (
     "hard sphere at its centre",
     "box, 40.0 from its centre",
     "hard box at its wall",
+    "oriented gaussian, shear 1000.0, far away",
+    "oriented box, 40.0 from its centre",
+    "oriented box, turn 1000.0",
 )
 """The places that `make test` runs: both ends of each kind of unit. What is put together of them has parts that are
 tried there."""

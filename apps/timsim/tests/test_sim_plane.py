@@ -17,6 +17,7 @@ from motorgrad.plane import (
     draw_reward,
     draw_units,
     occupancy,
+    shapes_of,
     trajectories,
 )
 from motorgrad.policies import (
@@ -25,6 +26,8 @@ from motorgrad.policies import (
     Gated,
     LocalGaussians,
     Masked,
+    OrientedBoxes,
+    OrientedGaussians,
     SoftBoxes,
     SoftSpheres,
     hyperplanes,
@@ -146,6 +149,29 @@ def test_spheres_boxes_and_mixed_pools(axes):
     np.testing.assert_allclose(extent(box), [0.2, 0.6], rtol=1e-6)
     assert len(box.vertices) < len(sphere.vertices)
     assert outlines.get_edgecolor()[2, 3] < 0.21  # it hardly ever fires, whatever its width
+
+
+def test_oriented_units_are_drawn_as_they_lie(axes):
+    """Deviations along the diagonal and across it, and a box that turned by 45°; of four inputs, their shadows."""
+    along = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2)
+    covariance = along.T @ np.diag([0.3**2, 0.1**2]) @ along
+    slope = covariance[1, 0] / covariance[0, 0]
+    widths = np.sqrt([covariance[0, 0], covariance[1, 1] - slope * covariance[0, 1]])
+    gaussian = OrientedGaussians([[0.5, 0.5]], np.log([widths]), [[-slope]])
+    box = OrientedBoxes([[0.5, 0.5]], np.log([[0.3, 0.1]]), [0.0], [[np.tan(np.pi / 8)]])
+    outlines, _ = draw_units(axes, Factored([gaussian, box]), [LEFT, RIGHT]).artists
+    ellipse, rectangle = (path.vertices[:-1] - 0.5 for path in outlines.get_paths())
+    for outline, furthest in ((ellipse, (0.3, 0.1)), (rectangle, (0.3, 0.1))):
+        np.testing.assert_allclose(np.abs(outline @ along.T).max(0), furthest, rtol=5e-3)
+    half, angle = shapes_of(gaussian).ellipses()
+    np.testing.assert_allclose(half[0], [0.3, 0.1], rtol=1e-4)
+    assert np.tan(angle[0]) == pytest.approx(1, rel=1e-4)
+    turn = np.random.default_rng(0).normal(size=(1, 6))
+    box = OrientedBoxes(np.full((1, 4), 0.5), np.log([[0.3, 0.1, 0.2, 0.4]]), [0.0], turn)
+    shadow = draw_units(axes, box, [LEFT]).artists[0].get_paths()[0].vertices[:-1] - 0.5
+    corners = np.array(list(itertools.product((-1, 1), repeat=4))) @ shapes_of(box).axes[0].T
+    ways = np.stack([np.cos(np.arange(60.0)), np.sin(np.arange(60.0))])
+    np.testing.assert_allclose((shadow @ ways).max(0), (corners @ ways).max(0), rtol=1e-5)
 
 
 def test_gates_come_first(axes):

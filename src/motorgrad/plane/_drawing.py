@@ -28,24 +28,45 @@ if TYPE_CHECKING:
 WHEEL = ("#A0307A", "#A03024", "#B07500", "#5E8F1F", "#0061B0", "#1D3E63", "#2B2E34", "#5E2350")
 ROUND = np.linspace(0, 2 * np.pi, 49)
 ELLIPSE = np.stack([np.cos(ROUND), np.sin(ROUND)], axis=1)
-RECTANGLE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)], float)
 
 
 @dataclass(frozen=True)
 class Shapes:
-    """Local units in the plane: their centres and half extents, whether they are rectangles rather than ellipses,
-    whether they are switched on, and the probability of firing at the centre."""
+    """Local units in the plane: their centres; the half axes of their ellipsoids or boxes, projected onto the plane, as
+    columns; whether they are boxes rather than ellipsoids; whether they are switched on; and the probability of firing
+    at the centre."""
 
     centre: Float[np.ndarray, "units 2"]
-    half: Float[np.ndarray, "units 2"]
+    axes: Float[np.ndarray, "units 2 inputs"]
     square: Bool[np.ndarray, " units"]
     active: Bool[np.ndarray, " units"]
     certainty: Float[np.ndarray, " units"]
 
     def outlines(self, which: Bool[np.ndarray, " units"]) -> list[np.ndarray]:
-        """The closed outline of each of these units."""
-        rows = zip(self.centre[which], self.half[which], self.square[which], strict=True)
-        return [centre + half * (RECTANGLE if square else ELLIPSE) for centre, half, square in rows]
+        """The closed outline of each of these units: of the shadow of its region on the plane."""
+        rows = zip(self.centre[which], self.axes[which], self.square[which], strict=True)
+        return [centre + (_box_shadow if square else _ellipse_shadow)(axes) for centre, axes, square in rows]
+
+    def ellipses(self) -> tuple[Float[np.ndarray, "units 2"], Float[np.ndarray, " units"]]:
+        """The half axes of each unit's ellipse, and the angle of the first of them with x, in rad. For a box this is
+        the ellipse within the outline that has its axes."""
+        directions, half, _ = np.linalg.svd(self.axes)
+        return half, np.arctan2(directions[:, 1, 0], directions[:, 0, 0])
+
+
+def _ellipse_shadow(axes: Float[np.ndarray, "2 inputs"]) -> Float[np.ndarray, "points 2"]:
+    """The outline of the shadow of an ellipsoid with these half axes."""
+    return ELLIPSE @ np.linalg.cholesky(axes @ axes.T).T
+
+
+def _box_shadow(axes: Float[np.ndarray, "2 inputs"]) -> Float[np.ndarray, "points 2"]:
+    """The outline of the shadow of a box with these half axes: a polygon with two sides along each of them."""
+    sides = axes.T[np.any(axes != 0, axis=0)]
+    down = (sides[:, 1] < 0) | ((sides[:, 1] == 0) & (sides[:, 0] < 0))
+    sides = np.where(down[:, None], -sides, sides)
+    sides = sides[np.argsort(np.arctan2(sides[:, 1], sides[:, 0]))]
+    there = -sides.sum(0) + np.cumsum(np.concatenate([np.zeros((1, 2)), 2 * sides]), axis=0)
+    return np.concatenate([there, -there[1:]])
 
 
 def shapes_of(policy: Policy) -> Shapes:
@@ -61,8 +82,8 @@ def shapes_of(policy: Policy) -> Shapes:
     assert regions is not None
     certainty = np.diagonal(np.asarray(jax.vmap(policy.prob)(jnp.asarray(regions.centre))))
     centre = regions.centre[:, :2]
-    half = regions.half[:, :2]
-    return Shapes(centre, half, regions.box, regions.active, np.nan_to_num(np.clip(certainty, 0, 1)))
+    axes = regions.axes[:, :2]
+    return Shapes(centre, axes, regions.box, regions.active, np.nan_to_num(np.clip(certainty, 0, 1)))
 
 
 def has_local_units(task: object, policy: object) -> bool:
@@ -147,8 +168,9 @@ def draw_units(
     """Draw each local unit as an ellipse of one standard deviation about its centre, with an arrow in the direction of
     its force.
 
-    Soft spheres are circles of their radius, soft boxes rectangles. Colours show the directions of the forces: purple
-    to the right, ochre up, blue to the left, black down, grey without a force. A line is fainter, the lower the unit's
+    Soft spheres are circles of their radius, soft boxes rectangles; oriented units are drawn as they lie. With more
+    inputs than x and y, what is drawn is the shadow on the plane. Colours show the directions of the forces: purple to
+    the right, ochre up, blue to the left, black down, grey without a force. A line is fainter, the lower the unit's
     probability of firing at its centre. Inactive units of a `Masked` pool are left out.
 
     **Arguments:** `policy`, of local units over x and y, which further inputs may follow; `forces`, one for each unit,

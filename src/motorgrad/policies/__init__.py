@@ -56,6 +56,14 @@ from motorgrad.policies._local import (
 )
 from motorgrad.policies._mirrored import InitialMirrored, Mirrored, mirrored
 from motorgrad.policies._mixed import InitialMixed, Mixed, mixed
+from motorgrad.policies._oriented import (
+    InitialOrientedBoxes,
+    InitialOrientedGaussians,
+    OrientedBoxes,
+    OrientedGaussians,
+    oriented_boxes,
+    oriented_gaussians,
+)
 from motorgrad.policies._parameters import fixed, split, trainable
 from motorgrad.policies._policy import Policy, with_interface
 from motorgrad.policies._querying import InitialQueryingMotoneurons, Querying, querying_motoneurons
@@ -116,6 +124,8 @@ __all__ = [
     "InitialMixed",
     "InitialMixture",
     "InitialMotoneurons",
+    "InitialOrientedBoxes",
+    "InitialOrientedGaussians",
     "InitialPolicy",
     "InitialPrimitives",
     "InitialQueryingMotoneurons",
@@ -137,6 +147,8 @@ __all__ = [
     "MultilayerPerceptron",
     "Network",
     "ObservationCode",
+    "OrientedBoxes",
+    "OrientedGaussians",
     "Policy",
     "Primitives",
     "PrintedGaussians",
@@ -177,6 +189,8 @@ __all__ = [
     "mixed",
     "mixture",
     "motoneurons",
+    "oriented_boxes",
+    "oriented_gaussians",
     "primitives",
     "prune",
     "querying_motoneurons",

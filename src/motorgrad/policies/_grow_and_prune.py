@@ -17,6 +17,7 @@ from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._graded import GradedUnits
 from motorgrad.policies._local import GAUSSIANS, LocalUnits, Pair
+from motorgrad.policies._oriented import OrientedBoxes, OrientedGaussians
 from motorgrad.policies._parameters import fixed, in_structure, is_plain, per_unit, with_fields
 from motorgrad.policies._policy import Composed, Policy, has_rows, with_interface
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres
@@ -105,7 +106,9 @@ class InitialGrowing(InitialPolicy):
     """
 
     units: int | None = count(None, 1, help="the size of the pool, by default one unit for each action of the task")
-    shape: Literal["gaussians", "soft-spheres", "soft-boxes"] = static("gaussians", help="the kind of local units")
+    shape: Literal["gaussians", "oriented-gaussians", "soft-spheres", "soft-boxes", "oriented-boxes"] = static(
+        "gaussians", help="the kind of local units"
+    )
     p_max: float = static(
         0.5, allowed=SHARE_ABOVE_0, help="the probability of firing at a unit's centre; of Gaussians only"
     )
@@ -128,12 +131,14 @@ class InitialGrowing(InitialPolicy):
         centre = jnp.zeros((outputs, inputs))
         log_hardness = jnp.full(outputs, math.log(self.hardness))
         pool: LocalUnits
-        if self.shape == "gaussians":
-            pool = GAUSSIANS[self.pair](centre, centre, p_max=jnp.asarray(self.p_max))
+        if self.shape in ("gaussians", "oriented-gaussians"):
+            gaussians = GAUSSIANS[self.pair](centre, centre, p_max=jnp.asarray(self.p_max))
+            pool = gaussians if self.shape == "gaussians" else OrientedGaussians.of(gaussians)
         elif self.shape == "soft-spheres":
             pool = SoftSpheres(centre, jnp.zeros(outputs), log_hardness)
         else:
-            pool = SoftBoxes(centre, centre, log_hardness)
+            boxes = SoftBoxes(centre, centre, log_hardness)
+            pool = boxes if self.shape == "soft-boxes" else OrientedBoxes.of(boxes)
         return Masked(pool, jnp.zeros(outputs, bool))
 
 
@@ -207,13 +212,16 @@ def reach(
     """Maximal firing probability of each unit within the box from `low` to `high`.
 
     It is attained at the point of the box closest to the unit's centre. This holds for units whose firing probability
-    decreases with the distance in every input: Gaussians, soft spheres and soft boxes.
+    decreases with the distance in every input: Gaussians, soft spheres and soft boxes with axes parallel to the inputs.
+    Oriented units are refused; see `activity`.
 
     **Arguments:** `policy`: a pool of local units; `low` and `high`: opposite corners of the box, or one number each
     for all inputs.
     """
     pool = policy.pool if isinstance(policy, Masked) else policy
     check(hasattr(pool, "centre"), "policy", type(pool).__name__, "a pool of local units, which have a centre")
+    parallel = getattr(pool, "aligned", True)
+    check(parallel, "policy", type(pool).__name__, "a pool of units with axes parallel to the inputs; use activity")
     centre: Array = pool.centre  # type: ignore[attr-defined]
     low, high = (jnp.broadcast_to(jnp.asarray(side, centre.dtype), (policy.inputs,)) for side in (low, high))
     if not isinstance(low, Tracer) and not isinstance(high, Tracer):

@@ -12,6 +12,7 @@ from motorgrad.policies._layered import InitialLayered
 from motorgrad.policies._local import InitialGaussians, InitialTiles
 from motorgrad.policies._mirrored import InitialMirrored
 from motorgrad.policies._mixed import InitialMixed
+from motorgrad.policies._oriented import InitialOrientedBoxes, InitialOrientedGaussians
 from motorgrad.policies._querying import InitialQueryingMotoneurons
 from motorgrad.policies._recurrent import InitialRecurrent
 from motorgrad.policies._soft_shapes import InitialSoftBoxes, InitialSoftSpheres
@@ -37,6 +38,8 @@ INITIAL.update(
         "mixed": InitialMixed,
         "mixture": InitialMixture,
         "motoneurons": InitialMotoneurons,
+        "oriented-boxes": InitialOrientedBoxes,
+        "oriented-gaussians": InitialOrientedGaussians,
         "primitives": InitialPrimitives,
         "querying-motoneurons": InitialQueryingMotoneurons,
         "recurrent": InitialRecurrent,

@@ -33,11 +33,14 @@ class LocalUnits(BinaryUnits):
       `log_width`.
     - `box`: true if units fire in a box, false if they fire in an ellipsoid.
     - `resizable`: whether a unit keeps its height when its size changes, as growth requires.
+    - `aligned`: whether the axes of the box or ellipsoid are parallel to the inputs; if not, the kind defines
+      `half_axes`.
     """
 
     size_field: ClassVar[str] = "log_width"
     box: ClassVar[bool] = False
     resizable: ClassVar[bool] = True
+    aligned: ClassVar[bool] = True
 
     centre: eqx.AbstractVar[Float[Array, "units inputs"]]
 
@@ -49,11 +52,15 @@ class LocalUnits(BinaryUnits):
     def outputs(self) -> int:
         return self.centre.shape[0]
 
+    def half_axes(self) -> Float[np.ndarray, "units inputs inputs"]:
+        """The half axes of each unit's box, or half axes of its ellipsoid, as columns."""
+        half = np.exp(np.asarray(getattr(self, self.size_field), float))
+        half = np.broadcast_to(half if half.ndim == 2 else half[:, None], self.centre.shape)
+        return half[:, None, :] * np.eye(self.inputs)
+
     def regions(self) -> Regions:
         centre = np.asarray(self.centre)
-        half = np.exp(np.asarray(getattr(self, self.size_field), float))
-        half = np.broadcast_to(half if half.ndim == 2 else half[:, None], centre.shape)
-        return Regions(centre, half, np.full(len(centre), self.box), np.ones(len(centre), bool))
+        return Regions(centre, self.half_axes(), np.full(len(centre), self.box), np.ones(len(centre), bool))
 
 
 class CappedUnits(LocalUnits):
@@ -127,12 +134,7 @@ class LocalGaussians(GaussianUnits):
     log_width_limits: Limits = eqx.field(static=True, default=None)
 
     def __check_init__(self) -> None:
-        _check_shapes(self)
-        count = self.centre.shape[:1]
-        check(self.p_max.shape in ((), count), "p_max", self.p_max.shape, f"one number or of shape {count}")
-        if not isinstance(self.p_max, Tracer):  # a tracer has no value to check
-            p_max = np.asarray(self.p_max)
-            check(np.all((p_max > 0) & (p_max <= 1)), "p_max", p_max.tolist(), "in (0, 1]")
+        check_gaussians(self, self.p_max)
 
     def log_height(self) -> Float[Array, " units"]:
         return jnp.log(self.p_max)
@@ -205,7 +207,7 @@ class FreeGaussians(GaussianUnits):
     log_width_limits: Limits = eqx.field(static=True, default=None)
 
     def __check_init__(self) -> None:
-        _check_shapes(self)
+        check_gaussians(self)
         count = self.centre.shape[:1]
         check(self.log_mass.shape == count, "log_mass", self.log_mass.shape, f"of shape {count}")
 
@@ -223,12 +225,19 @@ class FreeGaussians(GaussianUnits):
         )
 
 
-def _check_shapes(units: GaussianUnits) -> None:
+def check_gaussians(units: GaussianUnits, p_max: Float[Array, " units"] | None = None) -> None:
+    """Refuse Gaussian units whose arrays do not fit together, and a fixed height that is no probability."""
     shape = units.centre.shape
     check(units.centre.ndim == 2, "centre", shape, "of shape (units, inputs)")
     check(units.log_width.shape == shape, "log_width", units.log_width.shape, f"of shape {shape}")
     limits = units.log_width_limits
     check(limits is None or limits[0] < limits[1], "log_width_limits", limits, "None, or two numbers, low < high")
+    if p_max is None:
+        return
+    check(p_max.shape in ((), shape[:1]), "p_max", p_max.shape, f"one number or of shape {shape[:1]}")
+    if not isinstance(p_max, Tracer):  # a tracer has no value to check
+        height = np.asarray(p_max)
+        check(np.all((height > 0) & (height <= 1)), "p_max", height.tolist(), "in (0, 1]")
 
 
 class StartsScattered:

@@ -90,9 +90,13 @@ class SoftBoxes(CappedUnits):
         check_shapes(self, self.centre.shape, "log_width")
         check_shapes(self, self.centre.shape[:1], "log_hardness")
 
+    def _along(self, observation: Float[Array, " inputs"]) -> Float[Array, "units inputs"]:
+        """The place relative to the centre, along the axes of each box."""
+        return observation - self.centre
+
     def _walls(self, observation: Float[Array, " inputs"]) -> Float[Array, "2 units inputs"]:
         """Distance inside each of the two opposed walls, times the hardness."""
-        away = observation - self.centre
+        away = self._along(observation)
         half = jnp.exp(self.log_width)
         return jnp.exp(self.log_hardness)[:, None] * jnp.stack([half - away, half + away])
 

@@ -17,12 +17,13 @@ P = TypeVar("P", bound=Parametric)
 class Regions(NamedTuple):
     """Where local units respond, as NumPy arrays with one row per unit.
 
-    `centre` and `half`: centres and half extents along each input; `box`: true for boxes, false for ellipsoids;
-    `active`: false for units that a mask has switched off.
+    `centre`; `axes`, whose columns are the half axes; `box`: true for boxes, false for ellipsoids; `active`: false for
+    units that a mask has switched off. A region consists of `centre + axes @ e`, with the numbers of `e` from -1 to 1
+    for a box, and its length at most 1 for an ellipsoid.
     """
 
     centre: Float[np.ndarray, "units inputs"]
-    half: Float[np.ndarray, "units inputs"]
+    axes: Float[np.ndarray, "units inputs inputs"]
     box: Bool[np.ndarray, " units"]
     active: Bool[np.ndarray, " units"]
 

@@ -187,11 +187,10 @@ class PlaneUnits(Layer):
             self._place_units(snapshot)
         firing = np.nan_to_num(snapshot.probability[0])[: len(self._forces)][self._there]
         count = len(firing)
-        turn = np.tile(FACING, (count, 1))
         share = np.maximum(np.sqrt(firing), AWAY)[:, None]  # of the half axes
         flat = np.column_stack([share * self._half, np.full(count, 0.002)])
-        self.pools[0].show(self._at, turn, np.column_stack([self._half, np.full(count, 0.1)]), self._colours)
-        self.pools[1].show(self._at, turn, flat, self._colours)
+        self.pools[0].show(self._at, self._turn, np.column_stack([self._half, np.full(count, 0.1)]), self._colours)
+        self.pools[1].show(self._at, self._turn, flat, self._colours)
 
     def _place_units(self, snapshot: Snapshot) -> None:
         """Update the positions of the units."""
@@ -200,7 +199,10 @@ class PlaneUnits(Layer):
             return
         shapes = shapes_of(policy)
         self._there = np.flatnonzero(shapes.active)[:MAX_DRAWN_UNITS]
-        self._half = shapes.half[self._there] * self._board.scale
+        half, angle = (each[self._there] for each in shapes.ellipses())
+        self._half = half * self._board.scale
+        cosine, sine = FACING[0] * np.cos(angle / 2), FACING[0] * np.sin(angle / 2)
+        self._turn = np.stack([cosine, cosine, -sine, sine], axis=1)  # in the plane, and then upright as the board
         self._at = self._board.place(shapes.centre[self._there])
         # coplanar discs would flicker where they overlap
         self._at[:, 1] -= 0.004 + 0.0005 * (np.arange(len(self._there)) % 32)
