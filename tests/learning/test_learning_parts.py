@@ -47,7 +47,7 @@ from motorgrad.learning import (
     number,
     register,
 )
-from motorgrad.policies import INITIAL, Architecture, FeatureMap, InitialPolicy
+from motorgrad.policies import INITIAL, Architecture, FeatureMap, InitialPolicy, TileCoding
 from motorgrad.schema import (
     PART_CLASSES,
     Numbers,
@@ -158,6 +158,9 @@ def agent_with(base, name):
         return recruitment, SparseLearner(INITIAL["gaussians"]().bound(recruitment), index=made(cls))
     if base is FeatureMap:
         features = {"squares": True, "products": True, "nonlinear": 3}
+        return ThreeState(), Agent(INITIAL["softmax"](features=features).bound(ThreeState()))
+    if base is TileCoding:
+        features = FeatureMap(tiles=made(cls))
         return ThreeState(), Agent(INITIAL["softmax"](features=features).bound(ThreeState()))
     if base is Hindsight:
         task = Composed(scaling="none")

@@ -33,7 +33,7 @@ from motorgrad.learning.algorithms._action_value_gradient import ActionValues
 from motorgrad.learning.algorithms._soft_actor_critic import EntropyTarget
 from motorgrad.learning.growth import Clock, Criterion, Growth, Plateau, Visited
 from motorgrad.learning.sparse import SpatialIndex
-from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron
+from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron, TileCoding
 from motorgrad.schema import PART_CLASSES
 from motorgrad.schema import register as register
 
@@ -92,6 +92,7 @@ PART_CLASSES.update(
         RootMeanSquare: {"root-mean-square": RootMeanSquare},
         SpatialIndex: {"grid": SpatialIndex},
         StepBound: {"intentional": IntentionalStep, "overshooting": OvershootingBound},
+        TileCoding: {"tile-coding": TileCoding},
         Trace: {
             "episodic": Episodic,
             "exponential": Exponential,

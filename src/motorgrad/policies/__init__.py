@@ -82,6 +82,7 @@ from motorgrad.policies._standardisation import Standardisation, adapted
 from motorgrad.policies._starting import INITIAL, Initial, InitialPolicy, initial
 from motorgrad.policies._structure import describe, rebuild
 from motorgrad.policies._tied import InitialTiedMotoneurons, Tied, tied_motoneurons
+from motorgrad.policies._tile_coding import TileCoding
 from motorgrad.policies.abilities import Regions
 
 __all__ = [
@@ -165,6 +166,7 @@ __all__ = [
     "Standardisation",
     "Statistics",
     "Tied",
+    "TileCoding",
     "abilities",
     "activity",
     "adapted",

@@ -1,4 +1,4 @@
-"""Features that linear units and critics see beside their inputs: products, and fixed random or radial features."""
+"""Features that linear units and critics see: products, fixed random or radial features, tiles."""
 
 import functools
 import math
@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from motorgrad._errors import check
+from motorgrad.policies._tile_coding import TileCoding
 from motorgrad.schema import Part, Range, count, static
 
 Kind = Literal["tanh", "fourier", "radial", "grid"]
@@ -27,7 +29,7 @@ class FeatureMap(Part):
 
     Fourier features approximate the kernel of the radial ones (Rahimi & Recht, 2007); for these, see Broomhead & Lowe
     (1988). The random numbers come from NumPy's `RandomState`, whose streams never change. So the settings define the
-    map completely, and a run stores nothing else of it.
+    map completely, and a run stores nothing else of it. Last come the `tiles` of a `TileCoding`, if there is one.
 
     **Raises:** `ValueError` for a value out of range.
 
@@ -46,25 +48,37 @@ class FeatureMap(Part):
         help="$c$; the greater, the shorter the distance between inputs that the features tell apart",
     )
     seed: int = count(0, 0, help="seed of the random numbers. All seeds of a run have the same features")
+    tiles: TileCoding | None = static(None, help="overlapping grids, whose cells are features; by default none")
+    raw: bool = static(True, help="whether the inputs themselves are among the features")
+
+    def validate(self) -> None:
+        super().validate()
+        check(self.raw or self._more, "raw", self.raw, "True where there are no other features")
 
     @property
     def adds(self) -> bool:
-        """Whether there is anything beside the inputs."""
-        return self.squares or self.products or self.nonlinear > 0
+        """Whether there is anything other than the inputs."""
+        return self._more or not self.raw
+
+    @property
+    def _more(self) -> bool:
+        return self.squares or self.products or self.nonlinear > 0 or self.tiles is not None
 
     def size(self, inputs: int) -> int:
         """The number of features for this number of inputs, including the inputs."""
         pairs = inputs * (inputs - 1) // 2
-        return inputs + inputs * self.squares + pairs * self.products + self.nonlinear
+        tiles = 0 if self.tiles is None else self.tiles.size(inputs)
+        return inputs * self.raw + inputs * self.squares + pairs * self.products + self.nonlinear + tiles
 
     def expanded(self, observation: Float[Array, " inputs"]) -> Float[Array, " features"]:
-        """The inputs, their squares, their products and the nonlinear features, as far as there are any."""
-        parts = [observation]
+        """The inputs, their squares, their products, the nonlinear features and tiles, as far as there are any."""
+        parts = [observation] if self.raw else []
         parts += [jnp.square(observation)] if self.squares else []
         if self.products:
             first, second = np.triu_indices(observation.shape[0], 1)
             parts += [observation[first] * observation[second]]
         parts += [self._nonlinear(observation)] if self.nonlinear else []
+        parts += [] if self.tiles is None else [self.tiles.expanded(observation)]
         return jnp.concatenate(parts)
 
     def _nonlinear(self, observation: Float[Array, " inputs"]) -> Float[Array, " nonlinear"]:
