@@ -76,11 +76,10 @@ def _boxes(rng: Rng, units: int = 3, inputs: int = 2) -> SoftBoxes:
     return SoftBoxes(rng.normal(size=shape), rng.normal(size=shape, scale=0.5), rng.normal(1, size=units))
 
 
-def _oriented(rng: Rng, units: int = 3, inputs: int = 2) -> OrientedGaussians:
-    pairs = inputs * (inputs - 1) // 2
+def _oriented(rng: Rng, units: int = 3, inputs: int = 2, wide: float = 0.0, shear: float = 2.0) -> OrientedGaussians:
     shape = (units, inputs)
-    shear = rng.normal(size=(units, pairs), scale=2)
-    return OrientedGaussians(rng.normal(size=shape), rng.normal(size=shape, scale=0.5), shear, rng.uniform(0.1, 1))
+    shears = rng.normal(size=(units, inputs * (inputs - 1) // 2), scale=shear)
+    return OrientedGaussians(rng.normal(size=shape), rng.normal(wide, 0.5, shape), shears, rng.uniform(0.1, 1))
 
 
 def _turned(rng: Rng, units: int = 3, inputs: int = 2) -> OrientedBoxes:
@@ -137,7 +136,7 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "soft-spheres": _spheres,
     "soft-boxes": _boxes,
     "oriented-gaussians": _oriented,
-    "oriented-gaussians-4": lambda rng: _oriented(rng, 2, 4),
+    "oriented-gaussians-4": lambda rng: _oriented(rng, 2, 4, 1.0, 0.5),
     "oriented-boxes": _turned,
     "oriented-boxes-4": lambda rng: _turned(rng, 2, 4),
     "masked": lambda rng: Masked(_local(rng, 4), np.array([True, False, True, True])),
