@@ -133,7 +133,7 @@ class Covariance(LocalStudy):
     def _draw(self, axes: Axes, values: Values, name: str) -> None:
         """The median seed's units of a kind, and its paths."""
         task = FallingParticle(regions=RIDGES["diagonal"], units=self.shown)
-        fields = {field: jnp.asarray(values[f"{name} {field}"]) for field in ("centre", "log_width")}
+        fields: dict[str, Any] = {field: jnp.asarray(values[f"{name} {field}"]) for field in ("centre", "log_width")}
         fields |= {field: jnp.asarray(values[f"{name} {field}"]) for field in KINDS[name].learned}
         shear = jnp.zeros((self.shown, 1))
         unit = OrientedBoxes(**fields) if "boxes" in name else OrientedGaussians(**{"shear": shear, **fields})
