@@ -201,7 +201,8 @@ class PlaneUnits(Layer):
         self._there = np.flatnonzero(shapes.active)[:MAX_DRAWN_UNITS]
         half, angle = (each[self._there] for each in shapes.ellipses())
         self._half = half * self._board.scale
-        cosine, sine = FACING[0] * np.cos(angle / 2), FACING[0] * np.sin(angle / 2)
+        cosine = FACING[0] * np.cos(angle / 2)
+        sine = FACING[0] * np.sin(angle / 2)
         self._turn = np.stack([cosine, cosine, -sine, sine], axis=1)  # in the plane, and then upright as the board
         self._at = self._board.place(shapes.centre[self._there])
         # coplanar discs would flicker where they overlap
