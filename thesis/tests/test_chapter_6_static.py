@@ -42,6 +42,7 @@ CLAIMS = {
     "fig-6.4": 4,
     "fig-6.5": 22,
     "fig-6.6": 8,
+    "sec-6.5.1-period": 10,
     "sec-6.5-mixtures": 9,
     "sec-6.5.4-pruning": 3,
 }
@@ -98,6 +99,8 @@ def test_they_are_over_enough_seeds(name):
         ("sec-6.2.1-covariance", {"units": (2, 8)}, "shown = 4"),
         ("sec-6.3-noise", {"dynamics": ()}, "dynamics = "),
         ("sec-6.3-noise", {"observation": (0.1, 0.1)}, "observation = "),
+        ("sec-6.5.1-period", {"speeds": (0.2, 0.1)}, "speeds = "),
+        ("sec-6.5.1-period", {"peak": 0.9}, "peak = 0.9"),
         ("sec-6.5.4-pruning", {"bounds": (0.5, 0.1)}, "bounds = "),
     ],
 )

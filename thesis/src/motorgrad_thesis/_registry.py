@@ -78,6 +78,7 @@ MODULES = (
     "chapter_6.section_6_4.figure_6_7",
     "chapter_6.section_6_4.figure_6_8",
     "chapter_6.section_6_4.figure_6_9",
+    "chapter_6.section_6_5.period",
     "chapter_6.section_6_5.mixtures",
     "chapter_6.section_6_5.pruning",
     "chapter_6.section_6_5.hierarchy",
