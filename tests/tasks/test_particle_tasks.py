@@ -54,6 +54,14 @@ def test_regions_of_ones_own_take_the_layouts_place():
     assert float(region_reward(task.places, jnp.array([0.5, 0.5]))) == 2.0
 
 
+def test_a_penalty_is_paid_for_every_unit_that_fires():
+    task = FallingParticle(penalty=0.25, units=4)
+    memory = task.init(jnp.zeros(0))
+    paid = [task.reward(memory, at(0.9, 0.1), jnp.array(units))[1] for units in ([0.0] * 4, [1.0, 0, 1.0, 0])]
+    assert float(paid[0] - paid[1]) == pytest.approx(0.5)
+    assert float(paid[0]) == pays(FallingParticle(), at(0.9, 0.1))[0]
+
+
 def test_the_floor_ends_an_episode_and_nothing_else_does():
     task = FallingParticle()
     assert [pays(task, at(0.5, 0.5, reached=[side]))[1] for side in range(4)] == [False, True, False, False]

@@ -1,4 +1,4 @@
-"""Section 6.5: falls sampled at any period, and the claims about periods."""
+"""Section 6.5: falls sampled at any period, and the claims about periods and greediness."""
 
 import math
 
@@ -11,6 +11,7 @@ from motorgrad.policies import LocalGaussians
 from motorgrad.tasks import FallingParticle, region_reward
 from motorgrad.worlds import ParticlePhysics, ParticleStart
 from motorgrad_thesis.chapter_6.section_6_5._falls import falls
+from motorgrad_thesis.chapter_6.section_6_5.greediness import WAYS, Greediness
 from motorgrad_thesis.chapter_6.section_6_5.period import PERIODS, RELEARNED, Period
 
 rng = np.random.default_rng(0)
@@ -95,3 +96,18 @@ def test_claims_about_periods(depends):
     assert held(study, values) == [depends] * 3 + [True, True] + [depends] * 5
     values["speed 0.1 expected"] = values["speed 0.1 expected"] - 0.1
     assert not held(study, values)[3]
+
+
+@pytest.mark.parametrize("greedy", [True, False])
+def test_claims_about_greediness(greedy):
+    study = Greediness(penalties=(0.02,))
+    values = {"decision": np.arange(1, 201) * study.decisions // 200}
+    for penalty in study.costs:
+        for way in WAYS:
+            name = f"{penalty:g} {way}"
+            values[f"{name} goal"] = about(0.0 if greedy and way == "grown" else 0.1)
+            values[f"{name} firings"] = np.full((24, 4), 0.0 if greedy and penalty and way == "grown" else 10.0)
+            values[f"{name} rate"] = values[f"{name} firings"] / 24.5
+            values[f"{name} curve"] = np.tile(about(-0.02 if greedy else 0.02, spread=0.001)[:, None], (1, 200))
+    # the firings cost 0.033
+    assert held(study, values) == [greedy, greedy, greedy, True, greedy]

@@ -139,7 +139,8 @@ class FallingParticle(ParticleTask):
     """Steer a falling particle through rewarded regions and around penalised ones (section 6.3 of the thesis).
 
     Observed: the position; the velocity is hidden. Actions: each unit pushes to its side or does not. Reward: the sum
-    of Gaussian regions at the position at the end of the decision. An episode ends at the floor.
+    of Gaussian regions at the position at the end of the decision, minus `penalty` for each unit that fires. An episode
+    ends at the floor.
     """
 
     name: ClassVar[str] = "particle"
@@ -156,6 +157,13 @@ class FallingParticle(ParticleTask):
         help="instead of a layout, regions of five numbers each: amplitude, x and y of the centre, widths "
         "along x and y",
     )
+    penalty: float = number(
+        0.0,
+        0,
+        1e6,
+        open_high=True,
+        help="cost of a unit that fires, per decision; times the size of continuous actions",
+    )
 
     def validate(self) -> None:
         super().validate()
@@ -171,7 +179,8 @@ class FallingParticle(ParticleTask):
     def reward(
         self, memory: PyTree, state: ParticleState, action: Float[Array, " units"]
     ) -> tuple[PyTree, Scalar, Flag]:
-        return memory, region_reward(self.places, state.position), state.reached[FLOOR]
+        cost = self.penalty * jnp.sum(jnp.abs(action))
+        return memory, region_reward(self.places, state.position) - cost, state.reached[FLOOR]
 
 
 @dataclasses.dataclass(frozen=True)
