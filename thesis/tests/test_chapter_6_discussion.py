@@ -1,4 +1,4 @@
-"""Section 6.5: falls sampled at any period, and the claims about periods and greediness."""
+"""Section 6.5: falls sampled at any period, and the claims about periods, robustness and greediness."""
 
 import math
 
@@ -13,6 +13,7 @@ from motorgrad.worlds import ParticlePhysics, ParticleStart
 from motorgrad_thesis.chapter_6.section_6_5._falls import falls
 from motorgrad_thesis.chapter_6.section_6_5.greediness import WAYS, Greediness
 from motorgrad_thesis.chapter_6.section_6_5.period import PERIODS, RELEARNED, Period
+from motorgrad_thesis.chapter_6.section_6_5.robustness import KINDS, LARGE, SMALL, Robustness
 
 rng = np.random.default_rng(0)
 STRAIGHT = FallingParticle(
@@ -40,10 +41,11 @@ def held(experiment, values):
 
 def test_falls_pay_what_the_task_pays_along_the_path():
     world = STRAIGHT.dynamics
+    step = jax.jit(world.step)
     state = world.reset(jnp.zeros(world.reset_uniforms))
     paid = []
     while not paid or not state.reached[1]:
-        state = world.step(state, jnp.array([0.0, 1.0]), jnp.zeros(0))
+        state = step(state, jnp.array([0.0, 1.0]), jnp.zeros(0))
         paid.append(float(region_reward(STRAIGHT.places, state.position)))
     found = falls(STRAIGHT, everywhere(1e-6, 1.0), hold=4, count=3)
     np.testing.assert_allclose(found.reward, np.mean(paid), rtol=1e-4)
@@ -96,6 +98,20 @@ def test_claims_about_periods(depends):
     assert held(study, values) == [depends] * 3 + [True, True] + [depends] * 5
     values["speed 0.1 expected"] = values["speed 0.1 expected"] - 0.1
     assert not held(study, values)[3]
+
+
+@pytest.mark.parametrize(("stochastic", "hard"), [(1.0, 0.5), (0.5, 1.0)])
+def test_claims_about_robustness(stochastic, hard):
+    values = {}
+    for name in KINDS:
+        share = hard if name == "hard" else stochastic
+        values[f"{name} same"] = about(0.3)
+        values |= {f"{name} {way}": about(0.3 * share) for way in (*SMALL, "unit after")}
+        values[f"{name} unit"] = about(0.1)
+        values |= {f"{name} {way}": about(0.1) for way in LARGE}
+        values |= {f"{name} {way} after": about(0.1 + 0.2 * (share - 0.5)) for way in LARGE}
+    better = stochastic > hard
+    assert held(Robustness(), values) == [better] * 14
 
 
 @pytest.mark.parametrize("greedy", [True, False])

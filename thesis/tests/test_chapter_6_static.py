@@ -44,6 +44,7 @@ CLAIMS = {
     "fig-6.6": 8,
     "sec-6.5.1-period": 10,
     "sec-6.5-mixtures": 9,
+    "sec-6.5.2-robustness": 14,
     "sec-6.5.3-greediness": 5,
     "sec-6.5.4-pruning": 3,
 }
@@ -102,6 +103,7 @@ def test_they_are_over_enough_seeds(name):
         ("sec-6.3-noise", {"observation": (0.1, 0.1)}, "observation = "),
         ("sec-6.5.1-period", {"speeds": (0.2, 0.1)}, "speeds = "),
         ("sec-6.5.1-period", {"peak": 0.9}, "peak = 0.9"),
+        ("sec-6.5.2-robustness", {"again": 10}, "again = 10"),
         ("sec-6.5.3-greediness", {"units": 1}, "units = 1"),
         ("sec-6.5.3-greediness", {"penalties": (0.1, 0.05)}, "penalties = "),
         ("sec-6.5.4-pruning", {"bounds": (0.5, 0.1)}, "bounds = "),

@@ -80,6 +80,7 @@ MODULES = (
     "chapter_6.section_6_4.figure_6_9",
     "chapter_6.section_6_5.period",
     "chapter_6.section_6_5.mixtures",
+    "chapter_6.section_6_5.robustness",
     "chapter_6.section_6_5.greediness",
     "chapter_6.section_6_5.pruning",
     "chapter_6.section_6_5.hierarchy",
