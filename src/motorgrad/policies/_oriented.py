@@ -47,7 +47,13 @@ class OrientedGaussians(GaussianUnits):
     def of(cls, units: LocalGaussians) -> Self:
         """The same units, free to turn."""
         shear = jnp.zeros((units.outputs, pairs(units.inputs)), units.centre.dtype)
-        return cls(units.centre, units.log_width, shear, p_max=units.p_max, log_width_limits=units.log_width_limits)
+        return cls(
+            centre=units.centre,
+            log_width=units.log_width,
+            shear=shear,
+            p_max=units.p_max,
+            log_width_limits=units.log_width_limits,
+        )
 
     def log_height(self) -> Float[Array, " units"]:
         return jnp.log(self.p_max)
