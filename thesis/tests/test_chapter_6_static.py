@@ -34,6 +34,7 @@ from motorgrad_thesis.chapter_6.section_6_5.pruning import Pruning
 CLAIMS = {
     "fig-6.1": 2,
     "sec-6.1.1-forgetting": 5,
+    "sec-6.1.2-cmac": 8,
     "fig-6.2": 3,
     "beyond-6.2-natural": 2,
     "sec-6.2.1-covariance": 6,
