@@ -70,6 +70,20 @@ def test_sizes_grow_exponentially():
     np.testing.assert_allclose(LinearRecruitment(units=1, size_ratio=4.0).sizes, [1.0])
 
 
+def test_units_may_have_any_sizes():
+    task = LinearRecruitment(units=3, strengths=(2.0, 0.5, 5.5), output="ratio")
+    np.testing.assert_allclose(task.sizes, [0.25, 0.0625, 0.6875])
+    assert pays(task, 0.0, [0.0, 0.0, 1.0]) == pytest.approx(-((0.6875 + 0.1) ** 2))
+    even = LinearRecruitment(units=3, strengths=(7.0, 7.0, 7.0), output="ratio")
+    assert pays(even, 0.3, [0.0, 1.0, 1.0]) == pytest.approx(pays(LinearRecruitment(3, output="ratio"), 0.3, [0, 1, 1]))
+    with pytest.raises(ValueError, match=r"strengths = \(1.0,\): must be empty, or a force for each of 3 units"):
+        LinearRecruitment(units=3, strengths=(1.0,))
+    with pytest.raises(ValueError, match=r"size_ratio = 2.0: must be 1 where strengths are given"):
+        LinearRecruitment(units=2, strengths=(1.0, 2.0), size_ratio=2.0)
+    with pytest.raises(ValueError, match=r"strengths\[1\] = 0.0"):
+        LinearRecruitment(units=2, strengths=(1.0, 0.0))
+
+
 def test_spacing_error_counts_in_spacings_and_knows_no_order():
     task = LinearRecruitment(units=4)
     ideal = task.ideal_thresholds()

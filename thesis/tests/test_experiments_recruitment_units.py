@@ -12,12 +12,14 @@ from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.worlds import immediate_gradient
 from motorgrad_thesis import EXPERIMENTS
 from motorgrad_thesis.chapter_4._pools import LOADS
+from motorgrad_thesis.chapter_4.section_4_1_2_sizes import DRAWS
 from motorgrad_thesis.chapter_4.section_4_4.asynchronous import RESTS, WORDS, compared, moments
 from motorgrad_thesis.chapter_4.section_4_4.large_loads import REWARD_TYPES
 from motorgrad_thesis.chapter_4.section_4_4.tied_units import sampled
 from motorgrad_thesis.chapter_4.section_4_4.updates import step
 
 CLAIMED = {
+    "sec-4.1.2-sizes": 6,
     "sec-4.4-updates": 2 * 5,
     "sec-4.4-asynchronous": 10,
     "sec-4.4-tied": 2 * 9,
@@ -40,7 +42,8 @@ def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
 
 @pytest.mark.parametrize("name", CLAIMED)
 def test_results_are_over_twenty_seeds_or_more(name):
-    assert EXPERIMENTS[name]().seeds >= 20
+    kind = EXPERIMENTS[name]()
+    assert kind.seeds * getattr(kind, "draws", 1) >= 20
 
 
 @pytest.mark.parametrize(
@@ -51,6 +54,7 @@ def test_results_are_over_twenty_seeds_or_more(name):
         ("sec-4.4-asynchronous", {"shares": (1.0, 0.2)}, "shares = "),
         ("sec-4.4-asynchronous", {"shares": (0.2, 1.2)}, r"shares\[1\] = 1.2"),
         ("sec-4.4-tied", {"groups": (4, 2)}, "groups = "),
+        ("sec-4.1.2-sizes", {"draws": 1}, "draws = 1"),
         ("sec-4.4-tied", {"groups": (2, 16)}, r"groups = .* rising to 32"),
     ],
 )
@@ -169,3 +173,32 @@ def test_claims_about_tied_units_go_both_ways():
     kind.figure(useful)
     useless = tied(0.0, 0.0, 0.0, apart=0.1)
     assert [claim.holds for claim in kind.claims(useless)] == 2 * ([True] + [False] * 8)
+
+
+# units of random sizes
+
+
+def sizes(rises, learned, predicted):
+    values = {}
+    for name in DRAWS:
+        shape = (1 if name == "equal" else 10, 4)
+        values |= {f"{name} {what}": at + noise(shape) for what, at in (("start", 1.0), ("error", learned))}
+        values |= {f"{name} predicted": predicted + noise(shape), f"{name} ideal": np.full(shape[0], 0.1)}
+        values |= {f"{name} rises": np.full(shape, rises), f"{name} force": np.zeros((*shape, 101))}
+    return values
+
+
+def test_claims_about_random_sizes_go_both_ways():
+    kind = EXPERIMENTS["sec-4.1.2-sizes"]()
+    learned = sizes(True, 0.5, 0.8)
+    assert [claim.holds for claim in kind.claims(learned)] == [True] * 6
+    kind.figure(learned)
+    assert [claim.holds for claim in kind.claims(sizes(False, 1.2, 1.1))] == [False] * 6
+
+
+def test_forces_are_drawn_once_for_all_who_have_them():
+    kind = EXPERIMENTS["sec-4.1.2-sizes"]()
+    first, again, other = kind.task("log-normal", 0), kind.task("log-normal", 0), kind.task("log-normal", 1)
+    assert first == again != other
+    assert np.mean(first.strengths) == pytest.approx(1, abs=1e-3)
+    assert np.ptp(first.sizes) > 0.1

@@ -99,6 +99,12 @@ class Recruitment(Task):
         help="ratio of the largest unit's force to the smallest's; sizes grow exponentially from the first "
         "unit to the last. 1 for equal units",
     )
+    strengths: tuple[float, ...] = static(
+        (),
+        allowed=Range(0, 1e6, open_low=True),
+        help="the force of each unit relative to the others, in any measure, for units of any sizes (section 4.1.2); "
+        "empty for sizes by `size_ratio`",
+    )
     drift: Drift = inner(
         factory=Drift,
         help="how the muscle's strength, or an additional load, changes over time; by default neither does",
@@ -106,6 +112,15 @@ class Recruitment(Task):
     time_limit: int | None = count(
         None, 1, unit="decisions", help="length at which an episode is cut; `None` for never"
     )
+
+    def validate(self) -> None:
+        super().validate()
+        given = len(self.strengths)
+        check(
+            given in (0, self.units), "strengths", self.strengths, f"empty, or a force for each of {self.units} units"
+        )
+        once = given == 0 or self.size_ratio == 1
+        check(once, "size_ratio", self.size_ratio, "1 where strengths are given")
 
     @property
     def observation_size(self) -> int:
@@ -130,8 +145,10 @@ class Recruitment(Task):
     @functools.cached_property
     def sizes(self) -> Float[np.ndarray, " units"]:
         """Each unit's fraction of the whole pool's force; they sum to 1."""
-        grown = self.size_ratio ** (np.arange(self.units) / max(1, self.units - 1))
-        return grown / grown.sum()
+        forces = np.array(self.strengths)
+        if not self.strengths:
+            forces = self.size_ratio ** (np.arange(self.units) / max(1, self.units - 1))
+        return forces / forces.sum()
 
     @abc.abstractmethod
     def effect(self, load: Scalar, ratio: Scalar, strength: Scalar | float = 1.0) -> Scalar:
@@ -146,7 +163,7 @@ class Recruitment(Task):
         """The fraction of the pool that fires, by size, from 0 to 1. Graded activations are clipped to that range
         individually."""
         action = jnp.clip(action[: self.units], 0, 1)
-        if self.size_ratio == 1:
+        if self.size_ratio == 1 and not self.strengths:
             return jnp.sum(action) / self.units
         return jnp.sum(action * jnp.asarray(self.sizes, action.dtype))
 

@@ -15,6 +15,7 @@ MODULES = (
     "chapter_3.section_3_2_1_criteria",
     "chapter_3.section_3_2_2_accurate",
     "chapter_4.figure_4_1",
+    "chapter_4.section_4_1_2_sizes",
     "chapter_4.section_4_1_3_spiking",
     "chapter_4.figure_4_2",
     "chapter_4.figure_4_3",
