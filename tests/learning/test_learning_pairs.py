@@ -53,6 +53,7 @@ SCALARS = [
     {"baseline": {"kind": "constant", "value": 0.5}},
     *({"baseline": name} for name, cls in PART_CLASSES[Baseline].items() if issubclass(cls, FixedStep | MeanReward)),
 ]
+CRITERIA = [{"criterion": each} for each in ("maximum", "none")]  # a discount goes with none
 AVERAGING = [{"averaging": {"kind": "polyak", "start": 1}}]
 ANNEALED = {"kind": "annealed", "start": 0.1}
 ENTROPY = [{"entropy": 0.1}, {"entropy": ANNEALED}]
@@ -71,7 +72,7 @@ BY_HAND = {
                 *({"update_every": each} for each in (8, "episode", "never")),
                 {"update_every": 8, "estimator.accuracy": {"kind": "accuracy", "block": 2, "least": 2}},
             ],
-            "criterion": [{"criterion": "maximum"}],
+            "criterion": CRITERIA,
             "optimizer": of("optimizer", Optimizer, update_every=8),
             "bound": of("estimator.bound", StepBound),
             "entropy": [{"entropy": 0.1, "estimator.entropy_in": place} for place in ("sample", "trace")],
@@ -124,6 +125,7 @@ BY_HAND = {
         {
             "decay": [{"decay": each} for each in (0.0, 0.9, 1.0)],
             "baseline": SCALARS,
+            "criterion": CRITERIA,
             "discount": [{"discount": 0.9}],
             "normalization": [{"normalization": "root-mean-square"}],
             "learning_rate": [{"learning_rate": each} for each in (0.1, {"centre": 0.1, "log_width": 0.2})],
