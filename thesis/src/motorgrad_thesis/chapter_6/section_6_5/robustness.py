@@ -125,8 +125,10 @@ class Robustness(LocalStudy):
         return found
 
     def _learner(self, name: str, task: FallingParticle) -> Learner:
-        policy = {} if name == "gaussian" else {"policy": "soft-spheres"}
-        return agent_for(task, **policy, learning_rate=dict(KINDS[name].rates))
+        settings: dict[str, Any] = {"learning_rate": dict(KINDS[name].rates)}
+        if name != "gaussian":
+            settings["policy"] = "soft-spheres"
+        return agent_for(task, settings)
 
     def _policies(self, work: Workspace, name: str) -> Any:
         """Policies of a kind that have learned, seeds leading."""
