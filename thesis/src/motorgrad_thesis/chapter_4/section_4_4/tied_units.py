@@ -101,7 +101,7 @@ class TiedUnits(BothPostures):
             axes[0, column].set_xlabel("groups, fixed")
             axes[1, column].set_xlabel("groups, halved from phase to phase")
         for row in axes:
-            row[0].set_ylabel("fraction that fires at the loads")
+            row[0].set_ylabel("fraction\nthat fires")
 
     def judge(self, values: Values, posture: Posture) -> Iterator[Claim]:
         groups = values["groups"]
