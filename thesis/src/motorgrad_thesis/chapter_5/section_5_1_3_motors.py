@@ -19,7 +19,9 @@ from motorgrad_thesis._figures import EXTENSOR, FLEXOR, Axes, Figure, draw_inter
 from motorgrad_thesis.chapter_5._hopper_study import HIGH, posture
 from motorgrad_thesis.chapter_5._hopper_variants import HopperVariants, draw_practice
 
-MUSCLES, MOTORS, BARE = "muscles", "motors", "bare motors"
+MUSCLES = "muscles"
+MOTORS = "motors"
+BARE = "bare motors"
 LABELS = {MUSCLES: "muscles", MOTORS: "motors, with the muscles' dampers", BARE: "motors without dampers"}
 ANGLES = 111
 GROUPS = {"flexor": FLEXOR, "extensor": EXTENSOR}

@@ -79,7 +79,9 @@ class Penalty(HopperVariants):
 
     def claims(self, values: Values) -> Iterator[Claim]:
         names = [str(name) for name in values["variants"]]
-        free, own, most = names[0], f"{THESIS:g}", names[-1]
+        free = names[0]
+        own = f"{THESIS:g}"
+        most = names[-1]
         medians = ", ".join(f"{np.median(values[f'{name} height']):.2f} m at {name}" for name in names)
         muscles = ", ".join(f"{values[f'{name} active'].mean():.2f} at {name}" for name in names)
         yield negative(

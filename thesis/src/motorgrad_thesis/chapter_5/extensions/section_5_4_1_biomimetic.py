@@ -91,7 +91,8 @@ class BiomimeticGaits(Experiment):
 
     def claims(self, values: Values) -> Iterator[Claim]:
         both = {body: {name: values[f"{body} {name}"] for name in (*QUANTITIES, "gait")} for body in BODIES}
-        ours, plain = both["biomimetic"], both["plain"]
+        ours = both["biomimetic"]
+        plain = both["plain"]
         counts = "; ".join(f"{body} {counted(found['gait'])}" for body, found in both.items())
         medians = {
             name: " and ".join(f"{np.median(found[name]):.2f}" for found in (ours, plain)) for name in QUANTITIES
