@@ -187,7 +187,8 @@ class Period(LayoutStudy):
         return figure
 
     def claims(self, values: Values) -> Iterator[Claim]:
-        slow, fast = self.speeds[0], self.speeds[-1]
+        slow = self.speeds[0]
+        fast = self.speeds[-1]
         fired = {speed: values[f"speed {speed:g} fired"].astype(float) for speed in self.speeds}
         yield at_least(
             ALMOST,
