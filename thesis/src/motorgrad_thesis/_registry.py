@@ -58,6 +58,7 @@ MODULES = (
     "chapter_5.hexapod.section_5_3_4_olgarb",
     "chapter_5.extensions.beyond_5_3_4_muscles",
     "chapter_5.extensions.beyond_5_3_4_proprioception",
+    "chapter_5.section_5_4_inputs",
     "chapter_5.extensions.section_5_4_1_primitive",
     "chapter_5.extensions.beyond_5_4_1_synergies",
     "chapter_5.hexapod.figure_5_9",
