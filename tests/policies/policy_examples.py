@@ -29,6 +29,7 @@ from motorgrad.policies import (
     LocalGaussians,
     Masked,
     Mirrored,
+    Mosaic,
     Motoneurons,
     MultilayerPerceptron,
     Network,
@@ -159,6 +160,7 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "controller": lambda rng: FiniteStateController(_softmax(rng, 3, 6), _hyperplanes(rng, 2, 6)),
     "controller-softmax": lambda rng: FiniteStateController(_softmax(rng, 2, 4), _softmax(rng, 3, 4)),
     "recurrent": _recurrent,
+    "mosaic": lambda rng: Mosaic(_hyperplanes(rng, 2, 9), rng.normal(size=(3, 2, 5)), 0.5, 0.1),
     "spiking": lambda rng: SpikingUnits(rng.normal(size=(3, 2)), rng.normal(size=3)),
     "admission-thresholds": lambda rng: AdmissionThresholds(rng.normal(size=3), rng.uniform(0.5, 2)),
 }
@@ -374,6 +376,7 @@ KNOWN = {
         "graded-hyperplanes",
     ),
     *("graded-motoneurons", "graded-tiles", "growing", "hyperplanes", "layered", "mixed", "mixture", "motoneurons"),
+    "mosaic",
     *("oriented-boxes", "oriented-gaussians"),
     *("primitives", "querying-motoneurons", "recurrent", "soft-boxes", "soft-spheres", "softmax", "spiking"),
     *("tied-motoneurons", "tiles"),

@@ -58,7 +58,7 @@ def check_scores(policy, count=4):
     return scores
 
 
-LEFT_OUT = {"growing", "mirrored", "finite-state-controller", "recurrent", "spiking"}
+LEFT_OUT = {"growing", "mirrored", "finite-state-controller", "mosaic", "recurrent", "spiking"}
 """Policies that are all off, that need a task, and that have a memory, which no layers may stand before."""
 
 

@@ -56,6 +56,7 @@ from motorgrad.policies._local import (
 )
 from motorgrad.policies._mirrored import InitialMirrored, Mirrored, mirrored
 from motorgrad.policies._mixed import InitialMixed, Mixed, mixed
+from motorgrad.policies._mosaic import InitialMosaic, Mosaic, mosaic
 from motorgrad.policies._oriented import (
     InitialOrientedBoxes,
     InitialOrientedGaussians,
@@ -124,6 +125,7 @@ __all__ = [
     "InitialMirrored",
     "InitialMixed",
     "InitialMixture",
+    "InitialMosaic",
     "InitialMotoneurons",
     "InitialOrientedBoxes",
     "InitialOrientedGaussians",
@@ -144,6 +146,7 @@ __all__ = [
     "Masked",
     "Mirrored",
     "Mixed",
+    "Mosaic",
     "Motoneurons",
     "MultilayerPerceptron",
     "Network",
@@ -190,6 +193,7 @@ __all__ = [
     "mirrored",
     "mixed",
     "mixture",
+    "mosaic",
     "motoneurons",
     "oriented_boxes",
     "oriented_gaussians",

@@ -12,6 +12,7 @@ from motorgrad.policies._layered import InitialLayered
 from motorgrad.policies._local import InitialGaussians, InitialTiles
 from motorgrad.policies._mirrored import InitialMirrored
 from motorgrad.policies._mixed import InitialMixed
+from motorgrad.policies._mosaic import InitialMosaic
 from motorgrad.policies._oriented import InitialOrientedBoxes, InitialOrientedGaussians
 from motorgrad.policies._querying import InitialQueryingMotoneurons
 from motorgrad.policies._recurrent import InitialRecurrent
@@ -37,6 +38,7 @@ INITIAL.update(
         "mirrored": InitialMirrored,
         "mixed": InitialMixed,
         "mixture": InitialMixture,
+        "mosaic": InitialMosaic,
         "motoneurons": InitialMotoneurons,
         "oriented-boxes": InitialOrientedBoxes,
         "oriented-gaussians": InitialOrientedGaussians,

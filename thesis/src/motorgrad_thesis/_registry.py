@@ -68,6 +68,7 @@ MODULES = (
     "chapter_6.section_6_1_1_forgetting",
     "chapter_6.section_6_1_2_cmac",
     "chapter_6.figure_6_2",
+    "chapter_6.section_6_1_2_mosaic",
     "chapter_6.beyond_6_2_natural",
     "chapter_6.section_6_2_1_covariance",
     "chapter_6.section_6_2_3_srv",

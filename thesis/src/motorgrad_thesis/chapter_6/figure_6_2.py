@@ -1,6 +1,7 @@
 """Figure 6.2: predictors of the dynamics partition the input space, and with it a simple decision."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -108,11 +109,12 @@ class Partition(Experiment):
         )
 
 
-def change(places: np.ndarray) -> np.ndarray:
-    """Change of bearing and distance per second, `(…, 2)` as the places."""
+def change(places: Any, numbers: Any = np) -> Any:
+    """Change of bearing and distance per second, `(…, 2)` as the places, with the functions of `numbers`: NumPy's, or
+    JAX's."""
     bearing = places[..., 0]
     distance = places[..., 1]
-    return np.stack([SPEED * np.sin(bearing) / distance, -SPEED * np.cos(bearing)], axis=-1)
+    return numbers.stack([SPEED * numbers.sin(bearing) / distance, -SPEED * numbers.cos(bearing)], axis=-1)
 
 
 def fit(places: np.ndarray, changes: np.ndarray, count: int, seed: int) -> np.ndarray:
