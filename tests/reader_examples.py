@@ -303,11 +303,12 @@ READERS = {
         archive(time=np.arange(3.0), values=np.zeros(3)), lambda file: Follow(joints="j", file=str(file))
     ),
     "map of a planet": Reader(array("map.npy", np.zeros((8, 16))), lambda file: Planet(map=file).surface),
-    "ground as a picture": Reader(picture, lambda file: Terrain(map=file).heights()),
-    "ground as an array": Reader(array("map.npy", np.eye(8)), lambda file: Terrain(map=file).heights()),
-    "ground as a table": Reader(written("m.csv", "1,2\n3,4.5\n"), lambda file: Terrain(map=file).heights()),
+    "ground as a picture": Reader(picture, lambda file: Terrain(map=file).heights().shape),
+    "ground as an array": Reader(array("map.npy", np.eye(8)), lambda file: Terrain(map=file).heights().shape),
+    "ground as a table": Reader(written("m.csv", "1,2\n3,4.5\n"), lambda file: Terrain(map=file).heights().shape),
     "ground as a grid": Reader(
-        written("m.asc", "ncols 2\nnrows 2\nNODATA_value -9\n1 2 3 4.5\n"), lambda file: Terrain(map=file).heights()
+        written("m.asc", "ncols 2\nnrows 2\nNODATA_value -9\n1 2 3 4.5\n"),
+        lambda file: Terrain(map=file).heights().shape,
     ),
     "table of lifts": Reader(lift_table, LiftTable.load),
     "index of a study": Reader(lambda folder: study_in(folder).path / "index.parquet", read_index),

@@ -170,7 +170,7 @@ def test_a_named_estimator_stands_for_its_parts_unless_they_are_given(name):
 
 def test_short_names_are_few_and_the_same_in_every_place():
     for kind in Learner.kinds().values():
-        assert len(kind.aliases) <= 12
+        assert len(kind.aliases) <= 13
         for short, path in kind.aliases.items():
             assert short not in fields_of(kind)
             assert path.rpartition(".")[2] == short

@@ -9,7 +9,8 @@ from policy_examples import Compiled, call, compiled
 import motorgrad as mg
 from motorgrad.policies import Hyperplanes, Mosaic, abilities, initial, mosaic, trainable
 
-LAST, ACTION = np.array([0.3, -0.2]), np.array([1.0])
+LAST = np.array([0.3, -0.2])
+ACTION = np.array([1.0])
 SHOWN = np.array([0.35, -0.1])
 
 

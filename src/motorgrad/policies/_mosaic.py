@@ -92,7 +92,8 @@ class Mosaic(Delegating, Composed):
     ) -> tuple[Float[Array, "modules observed"], Float[Array, " regressors"], Array]:
         """How wrong each predictor was, what they saw, and whether they predicted anything."""
         size = self.observation_size
-        shown, last = observation[:size], observation[size : 2 * size]
+        shown = observation[:size]
+        last = observation[size : 2 * size]
         # with a constant 1 at the end, which is also what says that there was a last decision
         regressors = observation[size:]
         change = jnp.sum(self.predictors * regressors, axis=-1)
