@@ -13,7 +13,7 @@ from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask
 from motorgrad.policies._binary import BinaryUnits, InitialMotoneurons
 from motorgrad.policies._parameters import fixed, in_structure, with_fields
-from motorgrad.policies._policy import Composed
+from motorgrad.policies._policy import Composed, check_plain
 from motorgrad.policies._starting import Initial, function_of, then
 from motorgrad.schema import count, static
 
@@ -55,6 +55,7 @@ class Alternating(Composed, BinaryUnits):
     def __check_init__(self) -> None:
         kind = type(self.pool).__name__
         check(isinstance(self.pool, BinaryUnits), "pool", kind, "a pool of binary units")
+        check_plain("pool", self.pool)
         own = self.pool.independent and self.pool.separate
         check(own, "pool", kind, "a pool of independent units with parameters of their own")
         check_integer("turns", self.turns, 1)

@@ -19,7 +19,7 @@ from motorgrad.policies._graded import GradedUnits
 from motorgrad.policies._local import GAUSSIANS, LocalUnits, Pair
 from motorgrad.policies._oriented import OrientedBoxes, OrientedGaussians
 from motorgrad.policies._parameters import fixed, in_structure, is_plain, per_unit, with_fields
-from motorgrad.policies._policy import Composed, Policy, has_rows, with_interface
+from motorgrad.policies._policy import Composed, Policy, check_plain, has_rows, with_interface
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres
 from motorgrad.policies._starting import POSITIVE, SHARE_ABOVE_0, Initial, InitialPolicy, function_of
 from motorgrad.policies.abilities import Regions
@@ -56,6 +56,7 @@ class Masked(Composed, BinaryUnits):
 
     def __init__(self, pool: BinaryUnits, active: ArrayLike | None = None):
         check(isinstance(pool, BinaryUnits), "pool", type(pool).__name__, "a pool of binary units")
+        check_plain("pool", pool)
         own = pool.independent and has_rows(pool)
         check(own, "pool", type(pool).__name__, "a pool of independent units with parameters of their own")
         active = jnp.ones(pool.outputs, bool) if active is None else jnp.asarray(active)

@@ -13,7 +13,7 @@ from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, python_numbers
 from motorgrad.policies._binary import BinaryUnits, InitialMotoneurons, Motoneurons
 from motorgrad.policies._parameters import in_structure
-from motorgrad.policies._policy import Composed, has_rows
+from motorgrad.policies._policy import Composed, check_plain, has_rows
 from motorgrad.policies._starting import Initial, function_of
 from motorgrad.schema import count
 
@@ -45,6 +45,7 @@ class Tied(Composed, BinaryUnits):
     def __check_init__(self) -> None:
         kind = type(self.pool).__name__
         check(isinstance(self.pool, BinaryUnits), "pool", kind, "a pool of binary units")
+        check_plain("pool", self.pool)
         check(self.pool.independent, "pool", kind, "a pool of independent units")
         last = self.pool.outputs - 1
         wanted = f"the group of each unit, from 0 to {last}, and each group at least once"
