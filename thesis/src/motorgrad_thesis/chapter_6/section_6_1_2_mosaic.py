@@ -213,10 +213,12 @@ def given_predictors() -> Mosaic:
     spread evenly."""
     predictors = np.zeros((GIVEN, 2, 4))
     predictors[:, 0, -1] = PERIOD * np.linspace(-SIDE, SIDE, GIVEN)
-    return Mosaic(hyperplanes(3 * GIVEN, 1), jnp.asarray(predictors, jnp.float32), DEVIATION, 0.0)
+    return Mosaic(
+        hyperplanes(3 * GIVEN, 1), jnp.asarray(predictors, jnp.float32), jnp.asarray(DEVIATION), jnp.asarray(0.0)
+    )
 
 
-def learner(name: str, task: Braking, rate: float) -> Learner:
+def learner(name: str, task: Any, rate: float) -> Learner:
     """The learner of a kind of policy, with a multiple of the usual rates."""
     if name == "given":
         policy: Any = given_predictors()
