@@ -34,7 +34,7 @@ FROZEN = 5_000  # decisions in which a learned policy is judged
 SMOOTH = 10  # records of a moving average
 
 
-@experiment("sec-a.3-collisions", "the time of a collision", "appendix A.3")
+@experiment("sec-a.3-collisions", "the time of a collision", "section A.3")
 class CollisionTimes(Experiment):
     """Two ways to treat a particle that is beyond a wall after a time step: it is put on the wall, or the step is taken
     back and the time of the collision found by halving. Left: a ball that bounces without drag, and its closed form.
