@@ -101,6 +101,13 @@ def test_a_learner_moves_the_turns_on_and_a_resting_unit_stays(rest):
     np.testing.assert_array_equal(run.policies.clock, [40, 40])
 
 
+def test_a_learner_that_returns_to_past_decisions_refuses_units_that_take_turns():
+    task = mg.make("linear-recruitment", units=3)
+    agent = mg.learning.ProximalPolicyOptimization(alternating_motoneurons(task))
+    with pytest.raises(ValueError, match="policy = 'Alternating': must be one whose units learn all at once"):
+        mg.train(task, agent, 40, 2, progress=False)
+
+
 @pytest.mark.parametrize(
     ("make", "named"),
     [

@@ -115,7 +115,7 @@ def learned_trace(work: Work) -> Figure:
         r"exponential, $\beta$ = 0.5": (0.5**lags, RED),
     }
     errors: dict[str, list[np.ndarray]] = {name: [] for name in ("learned", *fixed)}
-    colours = dict(zip((300, 3_000), (GREEN, BLUE), strict=True))
+    colours = dict(zip(lengths[-4::2], (GREEN, BLUE), strict=False))  # of the second and the fourth of five
     for length in lengths:
         stepper.advance(length - stepper.decision)
         state = stepper.state["cycle"].agent.estimator.trace

@@ -69,9 +69,8 @@ from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.algorithms import *  # noqa: F403
 from motorgrad.learning.algorithms._action_value_gradient import ActionValues
 from motorgrad.learning.algorithms._choice import Choice, choose
-from motorgrad.learning.algorithms._measured import Measured, measured
 from motorgrad.learning.algorithms._policy_gradient import AgentState
-from motorgrad.learning.algorithms._presets import PRESETS, PURPOSES, STEPS, preset
+from motorgrad.learning.algorithms._presets import PRESETS, PURPOSES, STEPS, Measured, measured, preset
 from motorgrad.learning.algorithms._soft_actor_critic import EntropyState, EntropyTarget
 from motorgrad.learning.growth import Clock, Criterion, Growth, GrowthState, Plateau, Visited
 from motorgrad.learning.sparse import IndexState, SparseLearner, SparseState, SpatialIndex

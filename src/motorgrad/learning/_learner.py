@@ -21,6 +21,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from motorgrad._branching import Flag
 from motorgrad._errors import check
 from motorgrad.policies import (
+    Alternating,
     InitialPolicy,
     Policy,
     PrintedGaussians,
@@ -249,6 +250,10 @@ def _check_policy(learner: Learner, policy: Policy) -> None:
     elif differentiable:
         wanted = f"one with real-valued actions, such as BoundedHyperplanes, for {name}"
         check(policy.actions == "continuous", "policy", kind, wanted)
+    if needs.memory != "any":
+        wanted = f"one whose units learn all at once, for {name}, which returns to past decisions"
+        turns = any(map(_takes_turns, jax.tree.leaves(policy, is_leaf=_takes_turns)))
+        check(not turns, "policy", kind, wanted)
     if needs.memory == "independent":
         wanted = f"one whose memory does not depend on its parameters, for {name}"
         check(not abilities.remembers_parameters(policy), "policy", kind, wanted)
@@ -273,6 +278,10 @@ def check_scores(learner: Learner, policy: Policy) -> None:
 
 def _is_printed(part: object) -> bool:
     return isinstance(part, PrintedGaussians)
+
+
+def _takes_turns(part: object) -> bool:
+    return isinstance(part, Alternating)
 
 
 def _check_differentiable(policy: Policy, kind: str) -> None:

@@ -1,7 +1,10 @@
 """Presets: a learner for any task as one table of settings, by name; and what several of their tables share."""
 
+import functools
+import json
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from importlib.resources import files
+from typing import Any, NamedTuple, Protocol
 
 STEPS = 100_000
 """Decisions per seed of a training, unless said otherwise."""
@@ -60,6 +63,27 @@ def preset(name: str, purpose: str = "") -> Callable[[Table], Table]:
         return table
 
     return registered
+
+
+class Measured(NamedTuple):
+    """Of a preset: the processor time of a decision in ms, on the cheapest and the dearest task, in words (`cost`);
+    what was reached, by task (`reached`)."""
+
+    cost: str
+    reached: Mapping[str, str]
+
+
+def measured(preset: str) -> Measured | None:
+    """What a preset was seen to reach, of the stored runs from which `python -m tools.which_preset table` draws
+    `measured.json`; `None` for one that was not measured."""
+    found = _stored().get(preset)
+    return None if found is None else Measured(**found)
+
+
+@functools.cache
+def _stored() -> dict[str, Any]:
+    text = files("motorgrad.learning.algorithms").joinpath("measured.json").read_text(encoding="utf-8")
+    return json.loads(text)
 
 
 def behind_layers(task: Learnable, network: Mapping[str, Any], policy: PolicyTable | None = None) -> dict[str, Any]:
