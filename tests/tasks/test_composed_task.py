@@ -90,6 +90,15 @@ def test_binary_actions_are_on_or_off_and_opposed_where_a_range_has_two_sides():
     np.testing.assert_allclose(muscles.control(jnp.array([0.2, 0.7])), [0.2, 0.7] * 3)
 
 
+def test_several_binary_units_may_drive_a_group_and_graded_ones_may_not():
+    made = task(actions="binary", groups=["lift", "hold", "lift"])
+    assert made.action_names == ("lift", "hold", "lift 2")
+    for units, lifted in (((0, 0, 0), 0), ((1, 0, 0), 1), ((0, 0, 1), 1), ((1, 0, 1), 1)):
+        np.testing.assert_array_equal(made.control(jnp.array(units, jnp.float32)), (lifted, 0, 0))
+    with pytest.raises(ValueError, match="all different for continuous actions"):
+        task(groups=["lift", "hold", "lift"])
+
+
 def test_controls_outside_no_range_stay_at_the_nearest_to_rest():
     body = Mjcf(MODEL.replace('ctrlrange="0 2"', 'ctrlrange="1 2"'))
     assert float(task(body=body, groups=["lift"]).control(jnp.array([0.5]))[2]) == 1.0

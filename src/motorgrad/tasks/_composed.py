@@ -144,7 +144,8 @@ class Composed(BodyTask):
         None,
         option=False,
         help='the actuators that each unit drives, a name or a pattern such as `"flexor*"`, or a list of them. '
-        "Actuators in no group stay at rest. By default each has its own unit",
+        "Several binary units may drive the same ones. Actuators in no group stay at rest. By default each has its own "
+        "unit",
     )
     scaling: Literal["running", "none"] = static(
         "running",

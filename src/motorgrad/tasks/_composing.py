@@ -3,6 +3,7 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
 
+import collections
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -49,25 +50,32 @@ class Drive(NamedTuple):
 
 
 def drive_of(scene: Scene, groups: Sequence[str | tuple[str, ...]] | None, binary: bool) -> Drive:
-    """How the units of a task drive the actuators of its body, by `groups` or each its own."""
+    """How the units of a task drive the actuators of its body, by `groups` or each its own.
+
+    Several binary units may drive the same group, which is active while any of them is; from the second on, they have
+    a number in their names.
+    """
     limits = scene.control_range.astype(np.float32)
     rest = np.clip(np.zeros(len(limits), np.float32), *limits.T)
     if groups is None:
-        driven = {name: np.array([place]) for place, name in enumerate(scene.body.groups)}
+        driven = [(name, np.array([place])) for place, name in enumerate(scene.body.groups)]
     else:
         check(groups, "groups", groups, "at least one unit")
         named = [(each,) if isinstance(each, str) else each for each in groups]
         try:
-            driven = {" + ".join(each): scene.groups(each) for each in named}
+            driven = [(" + ".join(each), scene.groups(each)) for each in named]
         except ValueError as error:
             raise ValueError(f"groups: {error}") from None
-        check(len(driven) == len(named), "groups", groups, "all different")
+        check(binary or len(set(named)) == len(named), "groups", groups, "all different for continuous actions")
     if not driven:
         raise ValueError(f"{scene.body!r} has no muscles and no other actuators: it needs at least one to act")
-    names = []
+    names: list[str] = []
     ranges = []
     rows = []
-    for name, places in driven.items():
+    before = collections.Counter[str]()
+    for group, places in driven:
+        before[group] += 1
+        name = group if before[group] == 1 else f"{group} {before[group]}"
         row = np.zeros(len(limits), np.float32)
         if not binary:
             same = np.ptp(limits[places], axis=0).max() == 0
