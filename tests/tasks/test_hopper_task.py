@@ -82,6 +82,35 @@ def test_inputs_of_noise_follow_the_sensors():
     assert len(task.observation_units) == 6
 
 
+WINDY = Hopper(body=HopperBody(lateral="spring"), gust=8.0)
+
+
+def test_a_gust_lasts_for_a_flight_and_is_drawn_anew_for_the_next():
+    memory = WINDY.init(jnp.zeros(0))
+    forces = []
+    for contact, number in zip((GROUND, AIR, AIR, GROUND, AIR), (0.9, 0.25, 0.9, 0.9, 1.0), strict=True):
+        memory, seen = WINDY.observe(memory, body_state(contact=contact), jnp.asarray([number]))
+        *muscles, force = WINDY.control(jnp.asarray([1.0, 0.0]), memory)
+        assert muscles == [1.0, 0.0]
+        assert len(seen) == WINDY.observation_size == 3  # it is not observed
+        forces.append(float(force))
+    np.testing.assert_allclose(forces, [0.0, -4.0, -4.0, 0.0, 8.0], atol=1e-5)
+
+
+def test_gusts_change_neither_actions_nor_costs_and_go_with_inputs_of_noise():
+    assert (WINDY.action_size, WINDY.action_names, WINDY.uniforms) == (2, ("flexor", "extensor"), 1)
+    assert paid(WINDY, TWO_PEAKS, jnp.ones(2)) == paid(Hopper(), TWO_PEAKS, jnp.ones(2))
+    noisy = dataclasses.replace(WINDY, noise_inputs=2)
+    memory, seen = noisy.observe(noisy.init(jnp.zeros(0)), body_state(), jnp.asarray([0.5, 0.75, 0.25]))
+    np.testing.assert_allclose(seen[3:], [0.0, 0.5], atol=1e-6)
+    assert float(memory.gust) == pytest.approx(-4.0)
+
+
+def test_a_body_that_cannot_lean_has_no_gusts():
+    with pytest.raises(ValueError, match=r"gust = 8.0: must be 0 for a body that cannot lean"):
+        Hopper(gust=8.0)
+
+
 def test_a_motor_costs_what_a_muscle_does():
     motors = Hopper(body=HopperBody(drive="motors"))
     for action in ((1.0, 0.0), (1.0, 1.0)):
@@ -188,6 +217,7 @@ BAD = [
     ("reward_type", "takeoff"),
     *(("reward_scale", value) for value in (math.nan, math.inf)),
     *(("penalty", value) for value in (-0.1, math.nan, math.inf)),
+    *(("gust", value) for value in (-1.0, math.nan, math.inf)),
     *(("hop_height", value) for value in (0.0, -1.0, math.nan, math.inf)),
     *(("centre", value) for value in (-1.0, 181.0, math.nan)),
     *(("velocity_scale", value) for value in (math.nan, math.inf)),
@@ -228,9 +258,10 @@ VARIANTS = {
 @pytest.mark.ci
 @pytest.mark.parametrize("settings", VARIANTS.values(), ids=VARIANTS)
 def test_every_variant_of_the_body_learns(settings):
+    gust = 5.0 if "lateral" in settings else 0.0
     plain, run = (
         train(task, steps=150, seeds=2, window=50, progress=False)
-        for task in (make("hopper"), make("hopper", body=settings))
+        for task in (make("hopper"), make("hopper", body=settings, gust=gust))
     )
     assert np.isfinite(run.metrics["reward"].to_numpy()).all()
     assert not run.curve("diverged")[1].any()

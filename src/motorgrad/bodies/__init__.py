@@ -18,6 +18,7 @@ from motorgrad.bodies._body import (
 from motorgrad.bodies._contraction import Contraction, contract
 from motorgrad.bodies._ground import OnTerrain, SlopeBatch, Terrain
 from motorgrad.bodies._hopper import Hopper
+from motorgrad.bodies._push import PushBatch
 from motorgrad.bodies._reader import BodyReader, Column, actuator_units, joint_columns, muscular, sensor_columns
 from motorgrad.bodies.arm._arm import POSTURES, Arm, Posture
 from motorgrad.bodies.arm._lift import LiftTable, greatest_flexion, lift, lift_table, tabulate_lift
@@ -92,6 +93,7 @@ __all__ = [
     "Muscle",
     "OnTerrain",
     "Posture",
+    "PushBatch",
     "Section",
     "Segment",
     "Sensor",

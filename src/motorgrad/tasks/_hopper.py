@@ -2,15 +2,16 @@
 
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
+from motorgrad._arrays import AnyArray
 from motorgrad._errors import check
-from motorgrad.bodies import BodyState, actuators_of
+from motorgrad.bodies import BodyBatch, BodyState, PushBatch, actuators_of
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.schema import count, inner, number, static
 from motorgrad.tasks._host_task import BodyTask
@@ -21,11 +22,13 @@ MAX_KNEE_VELOCITY = 50.0  # rad/s, for the observation range
 
 class HopperMemory(NamedTuple):
     """The memory of the hopper's task: the greatest foot `height` of the current flight, its `first` apex (0 before
-    it), and the greatest height of a flight that has just `landed` (else 0)."""
+    it), and the greatest height of a flight that has just `landed` (else 0); the present `gust` (N), 0 on the ground,
+    `None` in a task without any."""
 
     height: Scalar
     first: Scalar
     landed: Scalar
+    gust: Scalar | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,6 +72,14 @@ class Hopper(BodyTask):
         1000,
         help="number of further inputs that tell nothing: independent random numbers from −1 to 1 at every decision",
     )
+    gust: float = number(
+        0.0,
+        0,
+        1e4,
+        unit="N",
+        help="greatest sideways force on the foot while it is in the air, drawn anew for every flight, to either side; "
+        "for a body that can lean",
+    )
     action_period: float = 0.01
     time_limit: float | None = None
     units: int | None = count(
@@ -85,11 +96,19 @@ class Hopper(BodyTask):
         groups = len(self.body.groups)
         enough = self.units is None or self.units >= groups
         check(enough, "units", self.units, f"None, or at least one for each of the {groups} groups of muscles")
+        leans = self.body.lateral == "spring"
+        check(leans or not self.gust, "gust", self.gust, "0 for a body that cannot lean: it has no lateral spring")
+
+    def batch(self, seeds: Sequence[int], threads: int = 0) -> BodyBatch:
+        if not self.gust:
+            return super().batch(seeds, threads)
+        self.check_times()
+        return PushBatch(self.body, len(seeds), self.substeps, threads, part="foot")
 
     @property
     def uniforms(self) -> int:  # type: ignore[override]  # pyright: ignore[reportIncompatibleVariableOverride]
-        """One for each input of noise."""
-        return self.noise_inputs
+        """One for each input of noise, then one for gusts, if any."""
+        return self.noise_inputs + (1 if self.gust else 0)
 
     @property
     def observation_size(self) -> int:
@@ -124,17 +143,31 @@ class Hopper(BodyTask):
         groups = [each.group for each in actuators_of(self.body)]
         return np.array([groups.count(group) for group in self.body.groups], np.float32)
 
+    def control(self, action: Float[AnyArray, "... action_size"], memory: PyTree = None) -> Float[AnyArray, "... size"]:
+        """The activation of each group of muscles, then the gust, if any."""
+        muscles = super().control(action)
+        if not self.gust:
+            return muscles
+        return jnp.concatenate([jnp.asarray(muscles), jnp.asarray(memory.gust)[..., None]], axis=-1)
+
     def init(self, uniforms: Float[Array, " 0"]) -> HopperMemory:
-        return HopperMemory(*(jnp.zeros(()),) * 3)
+        return HopperMemory(*(jnp.zeros(()),) * 3, gust=jnp.zeros(()) if self.gust else None)
 
     def observe(
-        self, memory: HopperMemory, state: BodyState, uniforms: Float[Array, " noise_inputs"]
+        self, memory: HopperMemory, state: BodyState, uniforms: Float[Array, " uniforms"]
     ) -> tuple[HopperMemory, Float[Array, " inputs"]]:
-        contact = jnp.where(state.sensors["foot_contact"] > 0, 1.0, -1.0)
+        down = state.sensors["foot_contact"] > 0
+        if self.gust:
+            drawn = self.gust * (2.0 * uniforms[-1] - 1.0)
+            # 0 in the air means that the flight has just begun
+            lasting = jnp.where(memory.gust == 0, drawn, memory.gust)
+            memory = memory._replace(gust=jnp.where(down, 0.0, lasting))
+        contact = jnp.where(down, 1.0, -1.0)
         angle = state.sensors["knee_angle"] + np.deg2rad(90.0 - self.centre)
         knee = [angle, self.velocity_scale * state.sensors["knee_velocity"]]
         sensed = jnp.stack([contact, *knee] if self.observe_contact else knee)
-        return memory, jnp.concatenate([sensed, 2.0 * uniforms - 1.0]) if self.noise_inputs else sensed
+        noise = 2.0 * uniforms[: self.noise_inputs] - 1.0
+        return memory, jnp.concatenate([sensed, noise]) if self.noise_inputs else sensed
 
     def reward(
         self, memory: HopperMemory, state: BodyState, action: Float[Array, " units"]
@@ -147,8 +180,9 @@ class Hopper(BodyTask):
         over = ~down & (now < memory.height) & (memory.height > self.hop_height) & (memory.first == 0)
         reward = landed if self.reward_type == "landing" else jnp.where(over, memory.height, 0.0)
         first = jnp.where(down, 0.0, jnp.where(over, memory.height, memory.first))
-        cost = self.penalty * jnp.sum(self.control(action, memory) * self.group_sizes)
-        return HopperMemory(jnp.where(down, 0.0, height), first, landed), self.reward_scale * reward - cost, False
+        cost = self.penalty * jnp.sum(super().control(action) * self.group_sizes)
+        after = memory._replace(height=jnp.where(down, 0.0, height), first=first, landed=landed)
+        return after, self.reward_scale * reward - cost, False
 
     def metrics(self, memory: HopperMemory, state: BodyState) -> dict[str, Metric]:
         """`apex`: the greatest foot height (m) of a flight that has just ended."""
