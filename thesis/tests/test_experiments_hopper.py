@@ -11,6 +11,7 @@ from motorgrad.training import Evaluation
 from motorgrad_thesis import EXPERIMENTS, Workspace
 from motorgrad_thesis.appendix_a.figure_a_1 import deviations, first_touch, measure
 from motorgrad_thesis.chapter_5._hopper_study import posture
+from motorgrad_thesis.chapter_5._pushed_hops import landings, leaning_falls
 from motorgrad_thesis.chapter_5.figure_5_4 import firing_shares, hop_events, median_hop
 from motorgrad_thesis.chapter_5.section_5_1_3_motors import held_torques
 from motorgrad_thesis.chapter_5.section_5_2_2 import ActionPeriod, behind_best
@@ -26,6 +27,7 @@ CLAIMED = {
     "fig-5.4": 5,
     "fig-5.5": 7,
     "sec-5.2.2": 3,
+    "sec-5.2.2-lean": 9,
     "fig-a.1": 6,
 }
 NAMES = list(CLAIMED)
@@ -106,6 +108,7 @@ def test_a_held_flexor_pulls_hardest_at_its_resting_length():
         ("sec-5.2.2", {"periods": (0.02, 0.01, 0.04)}, "periods = "),
         ("sec-5.2.2", {"periods": (0.01, 0.02, 0.0405)}, "action_period = 0.0405"),
         ("sec-5.2.2", {"seeds": 1}, "seeds = 1"),
+        ("sec-5.2.2-lean", {"stiffnesses": (10.0, 100.0)}, "stiffnesses = "),
         ("sec-5.2.2", {"constant": "week"}, "unknown constant 'week'"),
     ],
 )
@@ -233,3 +236,28 @@ def test_a_trained_run_is_taken_up_again(out, done):
     run = before.experiment.trained(Workspace(out / "fig-5.5", out / "trained", progress=False))
     assert run.complete
     np.testing.assert_array_equal(run.policies.weights, np.load(before.folder / "values.npz")["weights"][:, :, :3])
+
+
+def test_landings_are_those_of_hops():
+    task = EXPERIMENTS["sec-5.2.2-lean"]().task
+    # three hops and a bounce; the foot's angle when each lands, and the height that follows
+    heights = [0, 0.5, 0, 0, 0.4, 0, 0.01, 0, 0.3, 0, 0]
+    angles = [9, 1, 9, 9, 2, 9, 9, 9, 3, 9, 9]
+    height = np.stack([heights, np.zeros(11)], axis=1)
+    angle = np.stack([angles, np.zeros(11)], axis=1).astype(float)
+    found = landings(angle, height, height == 0, task)
+    np.testing.assert_allclose(found["angle"], [np.sqrt(14 / 3), 0.0])
+    np.testing.assert_allclose(found["height"], [0.4, 0.0])
+    np.testing.assert_allclose(found["loss"], [0.1, 0.0], atol=1e-9)  # 0.4 m after 1°, 0.3 m after 2°
+
+
+def test_a_body_that_is_dropped_upright_and_unpushed_lands_level():
+    body = EXPERIMENTS["sec-5.2.2-lean"]().leaning(30.0).body
+    upright = leaning_falls(body, drop=0.1, lean=0.0, gust=0.0)
+    assert np.nanmax(np.abs(upright["fall"])) < 0.3  # rounding alone makes a body lean a little, about 0.1°
+    leaning = leaning_falls(body, drop=0.3, lean=5.0, gust=10.0)
+    np.testing.assert_allclose(leaning["fall"][:, :, 0], [[5.0, 5.0], [0.0, 0.0]], atol=1e-6)
+    # active flexors draw the foot up, so it lands later
+    last = (~np.isnan(leaning["fall"])).sum(axis=2)
+    assert (last[:, 1] > last[:, 0]).all()
+    assert last[0, 0] * body.timestep == pytest.approx(np.sqrt(2 * 0.3 / 9.81), abs=0.01)

@@ -158,6 +158,7 @@ class Hopper(BodyTask):
     ) -> tuple[HopperMemory, Float[Array, " inputs"]]:
         down = state.sensors["foot_contact"] > 0
         if self.gust:
+            assert memory.gust is not None
             drawn = self.gust * (2.0 * uniforms[-1] - 1.0)
             # 0 in the air means that the flight has just begun
             lasting = jnp.where(memory.gust == 0, drawn, memory.gust)

@@ -47,6 +47,7 @@ MODULES = (
     "chapter_5.figure_5_4",
     "chapter_5.figure_5_5",
     "chapter_5.section_5_2_2",
+    "chapter_5.section_5_2_2_lean",
     "chapter_5.hexapod.figure_5_6",
     "chapter_5.hexapod.figure_5_7",
     "chapter_5.hexapod.section_5_3_3_terrain",
