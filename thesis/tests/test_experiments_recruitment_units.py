@@ -95,7 +95,7 @@ def test_claims_about_updates_go_both_ways():
 
 
 def test_a_step_of_one_is_that_of_the_task():
-    assert step(1.0) == ArmRecruitment.learner["learning_rate"]
+    assert step(1.0) == ArmRecruitment().learner["learning_rate"]
     assert step(80.0) == pytest.approx({"gain": 0.016, "threshold": 0.032})
 
 

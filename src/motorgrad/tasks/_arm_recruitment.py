@@ -9,35 +9,35 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import numpy.typing as npt
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.bodies import Arm, LiftTable, lift, lift_table
 from motorgrad.schema import inner, number, static
-from motorgrad.tasks._recruitment import WITHIN, Recruitment, RecruitmentMemory
+from motorgrad.tasks._recruitment import WITHIN, Recruitment, RecruitmentMemory, load_in
+from motorgrad.tasks._senses import strain, strain_rates
 from motorgrad.tasks._task import Flag, Metric, Scalar
-from motorgrad.worlds import SweepingLoads
+from motorgrad.worlds import Attempt, SweepingLoads, World
 
 COMPLETE = 0.999  # of the full lift, the accuracy to which simulation and table agree
+THRESHOLD = 10.0  # kg, the greatest at the start
+RATES: Mapping[str, float] = {"gain": 2e-4, "threshold": 4e-4}
+"""The thesis's step sizes, for loads in kg."""
+METRIC: Mapping[str, Any] = {"kind": "fisher", "rate": 3e-4, "damping": 1e-3}
+"""Of hyperplanes that sense lifts, whose plain steps end where all units fire at every load."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ArmRecruitment(Recruitment):
     """Lift each load as high as it is worth, with as few units as possible (section 4.3.2 of the thesis).
 
-    Observed: the load, in kg; negative ones mean no load. Actions: each unit of the flexor's pool fires or not. Reward:
-    the height of the lift, from 0 to `scale`, minus `cost` × the fraction of the pool that fires. An episode is a
-    sweep: the load starts at `low`, grows by U[`least`, `most`], and the sweep ends when it exceeds `high`.
+    Observed: the load, in kg, of which negative ones mean no load; or what can be felt of it. Actions: each unit of the
+    flexor's pool fires or not. Reward: the height of the lift, from 0 to `scale`, minus `cost` × the fraction of the
+    pool that fires. An episode is a sweep: the load starts at `low`, grows by U[`least`, `most`] after as many
+    `attempts` as it stays for, and the sweep ends when it exceeds `high`.
     """
 
     name: ClassVar[str] = "arm-recruitment"
-    learner: ClassVar[Mapping[str, Any]] = {
-        "policy": {"kind": "motoneurons", "low": 0.0, "high": 10.0},
-        "decay": 0.0,
-        "update_every": "episode",
-        "reduction": "sum",
-        "learning_rate": {"gain": 2e-4, "threshold": 4e-4},
-    }
     metric_names: ClassVar[tuple[str, ...]] = ("height", "active")
     metric_units: ClassVar[Mapping[str, str]] = {"active": "1"}
     episodic: ClassVar[bool] = True
@@ -72,17 +72,52 @@ class ArmRecruitment(Recruitment):
             allowed = f"such that high + drift.amount <= {most:g} kg"
             check(heaviest <= most, "drift.amount", self.drift.amount, allowed)
         check(self.least <= self.most, "least, most", (self.least, self.most), "least <= most")
+        if self.senses == "lifts":
+            check(self.attempts > 1, "attempts", self.attempts, "at least 2, to sense the lift before")
+            check(self.scale != 0, "scale", self.scale, "other than 0, to sense lifts")
+
+    @property
+    def heaviest(self) -> float:
+        return self.high
+
+    @property
+    def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        sweep = {"decay": 0.0, "update_every": "episode", "reduction": "sum"}
+        if self.senses == "lifts":
+            return {"policy": "hyperplanes", **sweep, "learning_rate": 1e-4, "metric": dict(METRIC)}
+        high, rates = THRESHOLD, dict(RATES)
+        if self.senses == "strain":
+            high, rates = round(float(strain(THRESHOLD / self.high)), 3), strain_rates(**RATES, heaviest=self.high)
+        return {"policy": {"kind": "motoneurons", "low": 0.0, "high": high}, **sweep, "learning_rate": rates}
+
+    @property
+    def observation_size(self) -> int:
+        return 2 if self.senses == "lifts" else 1
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        return ("height", "activity") if self.senses == "lifts" else super().observation_names
 
     @property
     def observation_units(self) -> tuple[str, ...]:
-        return ("kg",)
+        own = {"load": ("kg",), "lifts": ("1", "1")}
+        return own.get(self.senses) or super().observation_units
 
     @property
-    def dynamics(self) -> SweepingLoads:
-        return SweepingLoads(self.low, self.least, self.most)
+    def dynamics(self) -> World:
+        return self.lasting(SweepingLoads(self.low, self.least, self.most))
 
-    def over(self, state: Scalar) -> Flag:
-        return state > self.high
+    def observe(
+        self, memory: RecruitmentMemory, state: Scalar | Attempt, uniforms: Float[Array, " uniforms"]
+    ) -> tuple[RecruitmentMemory, Float[Array, " observation_size"]]:
+        if self.senses != "lifts":
+            return super().observe(memory, state, uniforms)
+        assert isinstance(state, Attempt)
+        last = jnp.stack([memory.effect / self.scale, memory.ratio])
+        return memory._replace(load=load_in(state)), jnp.where(state.attempt > 0, last, 0.0)
+
+    def over(self, load: Scalar) -> Flag:
+        return load > self.high
 
     def effect(self, load: Scalar, ratio: Scalar, strength: Scalar | float = 1.0) -> Scalar:
         """H, the height to which a fraction of the pool lifts a load; JAX arrays, which broadcast."""

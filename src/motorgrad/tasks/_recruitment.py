@@ -13,8 +13,9 @@ from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
 from motorgrad.schema import Range, Settings, count, inner, number, static
+from motorgrad.tasks._senses import FULL_STRAIN, Sense, noisy, strain, strain_rates
 from motorgrad.tasks._task import Flag, Metric, Scalar, Task
-from motorgrad.worlds import QueriedLoads, UniformLoads
+from motorgrad.worlds import Attempt, QueriedLoads, RepeatedLoads, UniformLoads, World
 
 WITHIN = Range(-1e6, 1e6, open_low=True, open_high=True)
 N = TypeVar("N", float, np.ndarray, Array)
@@ -73,9 +74,9 @@ class Drift(Settings):
 
 
 class RecruitmentMemory(NamedTuple):
-    """The memory of a recruitment task: the `load` observed before the next action; for the last action the load it
-    acted `at` (the observed one and the drift), its `ratio` (the fraction of the pool that fired, by size) and its
-    `effect`; and the `clock` of the drift, or `None`."""
+    """The memory of a recruitment task: the `load` of the next action, without the drift; for the last action the load
+    it acted `at` (with the drift), its `ratio` (the fraction of the pool that fired, by size) and its `effect`; and the
+    `clock` of the drift, or `None`."""
 
     load: Scalar
     at: Scalar
@@ -86,7 +87,7 @@ class RecruitmentMemory(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Recruitment(Task):
-    """A pool of motor units that pull together at a load observed by all motoneurons."""
+    """A pool of motor units that pull together at a load, which all motoneurons observe, or feel in one way."""
 
     learner: ClassVar[Mapping[str, Any]] = {}
     clips_actions: ClassVar[bool] = True
@@ -112,6 +113,17 @@ class Recruitment(Task):
     time_limit: int | None = count(
         None, 1, unit="decisions", help="length at which an episode is cut; `None` for never"
     )
+    senses: Sense = static(
+        "load",
+        help='what the pool observes: `"load"`, the load itself; or, where the load is hidden, `"strain"`, by how much '
+        'it stretches the tendon of the muscle before the action, in % of its length; `"lifts"`, only on an arm, the '
+        "height and the activity of the last attempt at the same load, each from 0 to 1, and twice 0 before the first; "
+        '`"nothing"`, a constant 0',
+    )
+    noise: float = number(
+        0.0, 0, 1e3, unit="%", help="standard deviation of the noise of a strain that is felt; drawn at each decision"
+    )
+    attempts: int = count(1, 1, 10_000, unit="decisions", help="how long each load stays; at least 2 to sense lifts")
 
     def validate(self) -> None:
         super().validate()
@@ -121,10 +133,31 @@ class Recruitment(Task):
         )
         once = given == 0 or self.size_ratio == 1
         check(once, "size_ratio", self.size_ratio, "1 where strengths are given")
+        strained = self.senses == "strain"
+        check(strained or self.noise == 0, "noise", self.noise, "0 unless the strain is sensed")
+        check(not strained or self.heaviest > 0, "high", self.heaviest, "above 0 to be felt as a strain")
+
+    @property
+    @abc.abstractmethod
+    def heaviest(self) -> float:
+        """The greatest load. It pulls at the tendon with the greatest isometric force of the muscle."""
+
+    @property
+    def uniforms(self) -> int:  # type: ignore[override]  # pyright: ignore[reportIncompatibleVariableOverride]
+        """One for the noise of a strain."""
+        return 1 if self.noise else 0
 
     @property
     def observation_size(self) -> int:
         return 1
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        return ("strain",) if self.senses == "strain" else super().observation_names
+
+    @property
+    def observation_units(self) -> tuple[str, ...]:
+        return ("%",) if self.senses == "strain" else super().observation_units
 
     @property
     def action_size(self) -> int:
@@ -176,37 +209,58 @@ class Recruitment(Task):
         return self.init(uniforms)._replace(clock=memory.clock)
 
     def observe(
-        self, memory: RecruitmentMemory, state: Scalar, uniforms: Float[Array, " 0"]
-    ) -> tuple[RecruitmentMemory, Float[Array, " 1"]]:
-        return memory._replace(load=state), state[None]
+        self, memory: RecruitmentMemory, state: Scalar | Attempt, uniforms: Float[Array, " uniforms"]
+    ) -> tuple[RecruitmentMemory, Float[Array, " observation_size"]]:
+        load = load_in(state)
+        memory = memory._replace(load=load)
+        if self.senses == "load":
+            return memory, load[None]
+        if self.senses == "nothing":
+            return memory, jnp.zeros_like(load)[None]
+        # who holds a tool feels its weight
+        felt = strain((load + self.drift.load(memory.clock)) / self.heaviest)
+        return memory, noisy(felt, self.noise, uniforms)[None]
 
     def reward(
-        self, memory: RecruitmentMemory, state: Scalar, action: Float[Array, " units"]
+        self, memory: RecruitmentMemory, state: Scalar | Attempt, action: Float[Array, " units"]
     ) -> tuple[RecruitmentMemory, Scalar, Flag]:
         ratio = self.ratio(action)
         load = memory.load + self.drift.load(memory.clock)
         effect = self.effect(load, ratio, self.drift.strength(memory.clock))
         memory = RecruitmentMemory(memory.load, load, ratio, effect, self.drift.tick(memory.clock))
-        return memory, self.pay(load, ratio, effect), self.over(state)
+        return memory, self.pay(load, ratio, effect), self.over(load_in(state))
 
-    def over(self, state: Scalar) -> Flag:
-        """Whether the episode ends if the next load is `state`."""
-        del state
+    def over(self, load: Scalar) -> Flag:
+        """Whether the episode ends if this is the next load."""
+        del load
         return False
 
     def immediate(self, observation: Float[Array, " 1"], action: Float[Array, " action_size"]) -> Scalar:
-        """The reward of an action at an observed load, as `motorgrad.worlds.mean_field` expects it (without drift)."""
+        """The reward of an action at an observed load, as `motorgrad.worlds.mean_field` expects it (without drift).
+
+        **Raises** `ValueError` where the load is not what is observed.
+        """
+        check(self.senses == "load", "senses", self.senses, "'load', for the reward of what is observed")
         ratio = self.ratio(action)
         return self.pay(observation[0], ratio, self.effect(observation[0], ratio))
+
+    def lasting(self, loads: World) -> World:
+        """These loads, each of which stays for as many decisions as there are attempts at it."""
+        return loads if self.attempts == 1 else RepeatedLoads(loads, self.attempts)
+
+
+def load_in(state: Scalar | Attempt) -> Scalar:
+    """The load in a state of the task's world."""
+    return state.load if isinstance(state, Attempt) else state
 
 
 @dataclasses.dataclass(frozen=True)
 class LinearRecruitment(Recruitment):
     """Recruit as many units as make the force a linear function of the load (section 4.3.1 of the thesis).
 
-    Observed: the load $x$, from U[`low`, `high`]. Actions: each unit fires or not. Reward: $-(a - a^*)^2$ with the
-    target force $a^* = c_1 x + c_2$. The force $a$ is either the number of active units (`output="count"`; then $a^*$
-    is in units too) or their fraction of the pool.
+    Observed: the load $x$, from U[`low`, `high`], or the strain by which it is felt. Actions: each unit fires or not.
+    Reward: $-(a - a^*)^2$ with the target force $a^* = c_1 x + c_2$. The force $a$ is either the number of active units
+    (`output="count"`; then $a^*$ is in units too) or their fraction of the pool.
     """
 
     name: ClassVar[str] = "linear-recruitment"
@@ -230,9 +284,19 @@ class LinearRecruitment(Recruitment):
     def validate(self) -> None:
         super().validate()
         check(self.low < self.high, "low, high", (self.low, self.high), "an interval, low < high")
+        check(self.senses != "lifts", "senses", self.senses, "'load', 'strain' or 'nothing': a pull has no height")
+        told = self.loads == "uniform" or (self.senses == "load" and self.attempts == 1)
+        check(told, "senses, attempts", (self.senses, self.attempts), "'load' and 1 for loads that are queried")
+
+    @property
+    def heaviest(self) -> float:
+        return self.high
 
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        if self.senses == "strain":
+            policy = {"kind": "motoneurons", "high": FULL_STRAIN}
+            return {"policy": policy, "decay": 0.0, "learning_rate": strain_rates(2e-4, 2e-4, self.high)}
         policy = "motoneurons" if self.loads == "uniform" else "querying-motoneurons"
         return {"policy": policy, "decay": 0.0, "learning_rate": 2e-4}
 
@@ -245,8 +309,8 @@ class LinearRecruitment(Recruitment):
         return super().accepted_actions if self.loads == "uniform" else ("querying",)
 
     @property
-    def dynamics(self) -> UniformLoads | QueriedLoads:
-        return (UniformLoads if self.loads == "uniform" else QueriedLoads)(self.low, self.high)
+    def dynamics(self) -> World:
+        return self.lasting((UniformLoads if self.loads == "uniform" else QueriedLoads)(self.low, self.high))
 
     def target(self, load: N) -> N:
         """The target force at a load, as a ratio; arrays of any shape."""

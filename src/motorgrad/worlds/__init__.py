@@ -19,7 +19,9 @@ from motorgrad.worlds._finite import (
 from motorgrad.worlds._particle import Particle, ParticleFactors, ParticlePhysics, ParticleStart, ParticleState
 from motorgrad.worlds._particle_forces import CircularField, Walls
 from motorgrad.worlds._recruitment import (
+    Attempt,
     QueriedLoads,
+    RepeatedLoads,
     SweepingLoads,
     UniformLoads,
     immediate_gradient,
@@ -32,6 +34,7 @@ from motorgrad.worlds._world import World
 __all__ = [
     "CHAIN_VARIANTS",
     "AdmissionThresholds",
+    "Attempt",
     "CircularField",
     "FiniteMDP",
     "Particle",
@@ -40,6 +43,7 @@ __all__ = [
     "ParticleStart",
     "ParticleState",
     "QueriedLoads",
+    "RepeatedLoads",
     "SweepingLoads",
     "TransitionPosterior",
     "UniformLoads",

@@ -7,7 +7,7 @@ that the learner uses.
 """
 
 from collections.abc import Callable, Mapping
-from typing import ClassVar, TypeVar
+from typing import ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import numpy.typing as npt
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 from scipy.integrate import solve_ivp
 
 from motorgrad._errors import check
@@ -74,6 +74,40 @@ class SweepingLoads(World):
 
     def step(self, state: Float[Array, ""], action: Array, uniforms: Float[Array, " 1"]) -> Float[Array, ""]:
         return state + self.least + (self.most - self.least) * uniforms[0]
+
+
+class Attempt(NamedTuple):
+    """The state of `RepeatedLoads`: the `load`, and which `attempt` at it comes next, from 0."""
+
+    load: Float[Array, ""]
+    attempt: Int[Array, ""]
+
+
+class RepeatedLoads(World):
+    """The loads of another world, each of which stays for some decisions, the `attempts` at it. The state is an
+    `Attempt`."""
+
+    def __init__(self, loads: World, attempts: int) -> None:
+        check(attempts >= 1, "attempts", attempts, "at least 1")
+        self.loads, self.attempts = loads, attempts
+
+    @property
+    def uniforms(self) -> int:  # type: ignore[override]  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of the other world, which are used only where the load changes."""
+        return self.loads.uniforms
+
+    @property
+    def reset_uniforms(self) -> int:  # type: ignore[override]  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Those of the other world."""
+        return self.loads.reset_uniforms
+
+    def reset(self, uniforms: Float[Array, " reset_uniforms"]) -> Attempt:
+        return Attempt(self.loads.reset(uniforms), jnp.zeros((), jnp.int32))
+
+    def step(self, state: Attempt, action: Array, uniforms: Float[Array, " uniforms"]) -> Attempt:
+        attempt = (state.attempt + 1) % self.attempts
+        load = jnp.where(attempt > 0, state.load, self.loads.step(state.load, action, uniforms))
+        return Attempt(load, attempt)
 
 
 def immediate_reward(policy: Policy, inputs: npt.ArrayLike, weights: npt.ArrayLike, reward: Reward) -> float:

@@ -24,6 +24,7 @@ MODULES = (
     "chapter_4.figure_4_6",
     "chapter_4.figure_4_7",
     "chapter_4.figure_4_8",
+    "chapter_4.section_4_3_felt_loads",
     "chapter_4.figure_4_9",
     "chapter_4.section_4_4.updates",
     "chapter_4.section_4_4.negative_inputs",

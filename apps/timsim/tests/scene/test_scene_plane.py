@@ -73,8 +73,7 @@ def test_a_chain_shows_its_states_and_where_it_is(server):
 
 def test_recruitment_shows_its_pool_and_which_units_are_likely_to_fire(server):
     known = {
-        "position": np.zeros((1, 1)),
-        "observation": np.array([[0.5]]),
+        "position": np.array([[0.5]]),
         "probability": np.array([[0, 0.2, 0.6, 1]]),
     }
     scene = Scene([Sky(), MotoneuronPool(), LiftedArm()])
@@ -84,7 +83,7 @@ def test_recruitment_shows_its_pool_and_which_units_are_likely_to_fire(server):
 
     heights, sizes = [], []
     for load in (2.0, 12.0):
-        known["observation"] = np.array([[load]])
+        known["position"] = np.array([[load]])
         _, balls, *_ = drawn(Scene([Sky(), MotoneuronPool(), LiftedArm()]), "arm-recruitment", server=server, **known)
         heights.append(balls.batched_positions[0, 2])  # of the load, the only sphere
         sizes.append(balls.batched_scales[0, 0])

@@ -123,7 +123,7 @@ class MotoneuronPool(Layer):
         place = np.stack([self._across, np.zeros(count), LOW / 2 + self._tall / 2], axis=1)
         size = np.stack([np.full(count, self._wide), np.full(count, self._wide), self._tall], axis=1)
         self.pools[0].show(place, identity_quaternions(count), size, colour)
-        word = f"load {snapshot.observation[0, 0]:.2f}{self._unit}".replace("-", "−")
+        word = f"load {snapshot.position[0, 0]:.2f}{self._unit}".replace("-", "−")
         if self._word.text != word:
             self._word.text = word
 
@@ -159,7 +159,7 @@ class LiftedArm(Layer):
     def draw(self, pose: Pose) -> None:
         snapshot, model, data = pose.snapshot, self._model, self._data
         assert snapshot is not None
-        load = max(float(np.nan_to_num(snapshot.observation[0, 0])), 0.0)
+        load = max(float(np.nan_to_num(snapshot.position[0, 0])), 0.0)  # told or not
         ratio = float(self._sizes @ np.nan_to_num(snapshot.probability[0, : len(self._sizes)]))
         part = float(self._lift(load, ratio * self._body.full_force))
         data.qpos[0] = np.arccos(1 - part * (1 - np.cos(self._body.most_flexion)))  # whose hand is that high

@@ -133,7 +133,7 @@ class Updates(BothPostures):
 
 def step(factor: float) -> dict[str, float]:
     """The thesis's step sizes on the arm, so many times as large."""
-    return {group: factor * rate for group, rate in ArmRecruitment.learner["learning_rate"].items()}
+    return {group: factor * rate for group, rate in ArmRecruitment().learner["learning_rate"].items()}
 
 
 def _step_axis(axes: Axes, factors: np.ndarray) -> None:
