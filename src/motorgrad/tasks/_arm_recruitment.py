@@ -85,9 +85,11 @@ class ArmRecruitment(Recruitment):
         sweep = {"decay": 0.0, "update_every": "episode", "reduction": "sum"}
         if self.senses == "lifts":
             return {"policy": "hyperplanes", **sweep, "learning_rate": 1e-4, "metric": dict(METRIC)}
-        high, rates = THRESHOLD, dict(RATES)
+        high = THRESHOLD
+        rates = dict(RATES)
         if self.senses == "strain":
-            high, rates = round(float(strain(THRESHOLD / self.high)), 3), strain_rates(**RATES, heaviest=self.high)
+            high = round(float(strain(THRESHOLD / self.high)), 3)
+            rates = strain_rates(**RATES, heaviest=self.high)
         return {"policy": {"kind": "motoneurons", "low": 0.0, "high": high}, **sweep, "learning_rate": rates}
 
     @property

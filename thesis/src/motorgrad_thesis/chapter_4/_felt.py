@@ -69,7 +69,8 @@ def lifted(task: ArmRecruitment, policies: Policy) -> Values:
     chances = count_chances(fires)
     first = np.repeat(chances[:, :1], len(loads), 1)  # (seeds, loads, counts)
     further = chances[:, 1:].reshape(len(fires), len(loads), len(part), len(part))
-    now, each = first, []
+    now = first
+    each = []
     for _ in range(task.attempts):
         each.append(now)
         now = np.einsum("sln,slnm->slm", now, further)

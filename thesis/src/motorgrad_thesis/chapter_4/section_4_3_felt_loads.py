@@ -19,8 +19,11 @@ from motorgrad_thesis.chapter_4._pools import IDEAL, draw_pool, firing_probabili
 from motorgrad_thesis.chapter_4._postures import READ, arm_task
 from motorgrad_thesis.chapter_4.figure_4_8 import GOOD, pool_rewards
 
-TOLD, LIFTS, NOTHING = "told", "lifts", "nothing"
-LIGHT, HEAVY = 1.0, 12.0  # kg, between which the rise of the activation is measured
+TOLD = "told"
+LIFTS = "lifts"
+NOTHING = "nothing"
+LIGHT = 1.0  # kg
+HEAVY = 12.0  # kg, up to which the rise of the activation from `LIGHT` on is measured
 SMALL = 0.05
 """The fraction of the reward that a little noise may cost."""
 OURS: dict[str, Any] = {"kind": "extension"}
@@ -201,7 +204,7 @@ class FeltLoads(Experiment):
     def _noise(self, values: Values) -> Iterator[Claim]:
         quiet, loud = (values_of(values, name) for name in (self.strains[0], self.strains[-1]))
         told = values_of(values, TOLD)
-        most, least = shown(self.strains[-1]), shown(self.strains[0])
+        least, *_, most = (shown(name) for name in self.strains)
         yield negative(
             "Noise lowers the gains that are learned.",
             difference_of(np.median(loud["gain"], 1), np.median(quiet["gain"], 1)),
@@ -211,12 +214,12 @@ class FeltLoads(Experiment):
             "the best number of units for a strain is certain. Gains only grow more slowly.",
             **OURS,
         )
-        rise = _rise(told["load"], loud["activation"]), _rise(told["load"], told["activation"])
-        best = loud["best activation"], told["best count"] / self.units
-        loud_best, told_best = (float(_rise(told["load"], each[None])[0]) for each in best)
+        rise = [_rise(told["load"], own["activation"]) for own in (loud, told)]
+        best = np.stack([loud["best activation"], told["best count"] / self.units])
+        loud_best, told_best = _rise(told["load"], best).tolist()
         yield negative(
             "Noise flattens the force over the load.",
-            difference_of(*rise),
+            difference_of(rise[0], rise[1]),
             f"rise of the mean activation from {LIGHT:g} to {HEAVY:g} kg, {most} minus the load told",
             note=f"With the load told it is {rise[1].mean():.3f}. The best numbers of units rise by {loud_best:.3f} "
             f"and {told_best:.3f}.",
