@@ -5,10 +5,7 @@
 
 import dataclasses
 import functools
-import importlib.util
 import math
-import time
-from collections.abc import Iterator
 from typing import Any, Literal
 
 import gymnasium
@@ -17,26 +14,22 @@ import numpy as np
 from mujoco.batch import Batch
 
 import motorgrad  # noqa: F401 (registers the ids)
-from motorgrad.benchmarks._measure import Row, in_turn
+from motorgrad._extras import require
+from motorgrad.benchmarks._measure import Figures, in_turn, timed
 from motorgrad.bodies import BodyBatch, Mjcf, compile_model, group_places
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.learning import SGD, Adam, Agent, Learner, olgarb, olpomdp
 from motorgrad.policies import bounded_hyperplanes, hyperplanes, softmax
 from motorgrad.presets import natural
 from motorgrad.tasks import BodyTask, Hopper, HostTask, from_gymnasium, myosuite
-from motorgrad.training import BodyStepper, SideBySide, agent_for, stepper_for, train, training_stepper_for
+from motorgrad.training import BodyStepper, Run, SideBySide, agent_for, stepper_for, train, training_stepper_for
 
 
-def body_row(
-    name: str,
-    task: BodyTask,
-    seeds: int,
-    decisions: int,
-    pairs: int = 5,
-    wanted: str = "",
-    agent: Learner | None = None,
-) -> Row:
-    """Physics steps per second while learning, by default with the task's own agent, against `mujoco.batch` alone."""
+def body(
+    task: BodyTask, seeds: int, decisions: int, pairs: int = 5, agent: Learner | None = None, before: int = 0
+) -> Figures:
+    """Physics steps per second while learning, by default with the task's own agent, against `mujoco.batch` alone on
+    the actions of the learner; both after `decisions`, or those `before`, that do not count."""
 
     def make() -> BodyStepper | SideBySide:
         found = training_stepper_for(task, agent or agent_for(task), range(seeds))
@@ -45,8 +38,8 @@ def body_row(
 
     twin = make()
     learner = make()
-    learner.advance(decisions)  # compiles
-    for _ in range(decisions):
+    learner.advance(before or decisions)  # compiles
+    for _ in range(before or decisions):
         twin.advance(1)
     body = task.dynamics
     group_of = group_places(body)
@@ -67,36 +60,33 @@ def body_row(
             bare.step(nstep=task.substeps)
 
     steps = decisions * seeds * task.substeps
-    what = f"{name}, learning ÷ bare physics, {seeds} seed{'s' * (seeds > 1)}"
-    return in_turn(
-        what, "physics steps/s", steps, lambda: learner.advance(decisions), replay, pairs=pairs, wanted=wanted
-    )
+    found = in_turn("physics steps/s", steps, lambda: learner.advance(decisions), replay, pairs=pairs)
+    simulated = found.ours * task.period / task.substeps
+    return dataclasses.replace(found, also=f"{simulated:,.3g} simulated s/s, all seeds together")
 
 
-def simulated_row(row: Row, task: BodyTask, wanted: str = "") -> Row:
-    """Seconds, of all seeds together, that are simulated and learned from per second, for a `body_row`."""
-    assert row.other is not None
-    ours, other = (steps * task.period / task.substeps for steps in (row.ours, row.other))
-    return Row("   in simulated time", ours, other, "simulated s/s", wanted=wanted)
-
-
-def composed_rows(name: str, task: BodyTask, seeds: int, decisions: int, pairs: int, wanted: str = "") -> Iterator[Row]:
-    """Learning in a composed task, by OLGARB with linear units and by the preset `natural`."""
+def composed(task: BodyTask, learner: str, seeds: int, decisions: int, pairs: int) -> Figures:
+    """Learning in a composed task, by OLGARB with linear units or by the preset `natural`."""
+    if learner == "natural":
+        return body(task, seeds, decisions, pairs, natural(task))
     units = hyperplanes if task.actions == "binary" else bounded_hyperplanes
-    plain = Agent(units(task), olgarb(0.9), SGD(1e-3))
-    for learner, agent, asked in (("OLGARB", plain, wanted), ("preset natural", natural(task), "")):
-        yield body_row(f"{name}, {learner}", task, seeds, decisions, pairs, asked, agent)
+    return body(task, seeds, decisions, pairs, Agent(units(task), olgarb(0.9), SGD(1e-3)))
 
 
-def suite_rows(env_id: str, seeds: int, decisions: int, pairs: int, wanted: str = "") -> Iterator[Row]:
-    """Learning in a task of MyoSuite, rebuilt, as `body_row`; and MyoSuite's own steps per second, against
-    `mujoco.mj_step` alone. Without MyoSuite a row that says so."""
-    if importlib.util.find_spec("myosuite") is None:
-        yield Row(
-            f"{env_id} (MyoSuite is not installed: extra myosuite)", math.nan, None, "physics steps/s", wanted=wanted
-        )
-        return
-    yield from composed_rows(env_id, myosuite(env_id, actions="binary"), seeds, decisions, pairs, wanted)
+SUITE = ("this row needs", "myosuite", "myosuite")
+"""What `require` is given before anything of MyoSuite is measured."""
+
+
+def suite(env_id: str, learner: str, seeds: int, decisions: int, pairs: int) -> Figures:
+    """Learning in a task of MyoSuite, rebuilt, as `composed`."""
+    require(*SUITE)
+    return composed(myosuite(env_id, actions="binary"), learner, seeds, decisions, pairs)
+
+
+def suite_step(env_id: str, decisions: int, pairs: int) -> Figures:
+    """MyoSuite's own steps per second, against `mujoco.mj_step` alone."""
+    require(*SUITE)
+    myosuite(env_id, actions="binary")  # registers the ids
     theirs = gymnasium.make(env_id)
     theirs.reset(seed=0)
     inner: Any = theirs.unwrapped
@@ -114,35 +104,29 @@ def suite_rows(env_id: str, seeds: int, decisions: int, pairs: int, wanted: str 
             data.ctrl[:] = control
             mujoco.mj_step(inner.model, data, inner.frame_skip)
 
-    steps = decisions * inner.frame_skip
-    yield in_turn("   MyoSuite's own step ÷ mj_step", "physics steps/s", steps, own, bare, pairs=pairs)
+    return in_turn("physics steps/s", decisions * inner.frame_skip, own, bare, pairs=pairs)
 
 
-def tendon_rows(seeds: int, decisions: int, pairs: int) -> Iterator[Row]:
-    """Physics steps per second of Hill-type muscles on tendons that stretch, against rigid ones and against muscles of
-    other kinds on the same body, at random activations; with the curves of Millard et al. too."""
-    bodies: list[tuple[str, Any, Any, int]] = [
-        ("arm6", Mjcf("arm6"), Mjcf("arm6", muscle_model="hill"), decisions),
-        ("hopper", HopperBody(), HopperBody(muscle_model="hill"), decisions),
-    ]
-    if importlib.util.find_spec("myosuite") is not None:  # its steps take some ten times as long
-        hand = Mjcf("myosuite:myohand_r")
-        bodies.append(("myohand_r", hand, dataclasses.replace(hand, muscle_model="hill"), math.ceil(decisions / 20)))
-    for name, plain, compliant, count in bodies:
-        rigid, millard = (dataclasses.replace(compliant, **c) for c in ({"tendon": "rigid"}, {"curves": "millard"}))
-        both = dataclasses.replace(rigid, curves="millard")
-        actions = np.random.default_rng(0).uniform(size=(count, seeds, len(plain.groups)))
-        other = "the thesis's" if name == "hopper" else "MuJoCo's own"
-        for muscles, against, one, two, wanted in (
-            ("muscles", "on rigid ones", compliant, rigid, "≥ 0.77"),
-            ("muscles", other, compliant, plain, ""),
-            ("muscles with Millard's curves", "on rigid ones", millard, both, "≥ 0.77"),
-            ("muscles with Millard's curves", "with De Groote's", millard, compliant, ""),
-        ):
-            first, second = (functools.partial(_stepped, BodyBatch(body, seeds), actions) for body in (one, two))
-            what = f"{name}, {muscles} on compliant tendons ÷ {against}, {seeds} seed{'s' * (seeds > 1)}"
-            steps = count * seeds * 10
-            yield in_turn(what, "physics steps/s", steps, first, second, pairs=pairs, wanted=wanted)
+SLOW_BODY = 20
+"""How many times fewer decisions of the hand are measured, whose steps take longer."""
+
+
+def tendons(name: str, first: str, second: str, decisions: int, pairs: int) -> Figures:
+    """Physics steps per second of a body with muscles of one kind, against another, at random activations. Of Hill-type
+    muscles, the kinds are on tendons that stretch (`compliant`) or not (`rigid`), with the curves of De Groote et al.
+    or of Millard et al. (`millard`, `rigid millard`); those of another type are `plain`."""
+    if name == "myohand_r":
+        require(*SUITE)
+        decisions = math.ceil(decisions / SLOW_BODY)
+    plain: Any = HopperBody() if name == "hopper" else Mjcf(f"myosuite:{name}" if name == "myohand_r" else name)
+    compliant = dataclasses.replace(plain, muscle_model="hill")
+    rigid = {"tendon": "rigid"}
+    millard = {"curves": "millard"}
+    changes = {"compliant": {}, "rigid": rigid, "millard": millard, "rigid millard": {**rigid, **millard}}
+    kinds = {"plain": plain} | {kind: dataclasses.replace(compliant, **each) for kind, each in changes.items()}
+    actions = np.random.default_rng(0).uniform(size=(decisions, 1, len(plain.groups)))
+    one, two = (functools.partial(_stepped, BodyBatch(kinds[kind], 1), actions) for kind in (first, second))
+    return in_turn("physics steps/s", decisions * 10, one, two, pairs=pairs)
 
 
 def _stepped(batch: BodyBatch, actions: np.ndarray) -> None:
@@ -153,7 +137,7 @@ def _stepped(batch: BodyBatch, actions: np.ndarray) -> None:
 HOPPER = "motorgrad/Hopper-v0"
 
 
-def vector_row(copies: int, decisions: int, pairs: int) -> Row:
+def vector(copies: int, decisions: int, pairs: int) -> Figures:
     """Decisions per second of the vector environment, against `BodyBatch` alone on the same actions."""
     task = Hopper()
     actions = np.random.default_rng(0).integers(0, 2, (decisions, copies, 2), dtype=np.int8)
@@ -170,11 +154,10 @@ def vector_row(copies: int, decisions: int, pairs: int) -> Row:
             bare.step(action)
 
     ours()  # compiles
-    name = f"{HOPPER}, vector of {copies} ÷ bare physics"
-    return in_turn(name, "decisions/s", decisions * copies, ours, other, pairs=pairs)
+    return in_turn("decisions/s", decisions * copies, ours, other, pairs=pairs)
 
 
-def single_row(decisions: int, pairs: int) -> Row:
+def single(decisions: int, pairs: int) -> Figures:
     """Decisions per second of the environment from `gymnasium.make`, against `mujoco.mj_step` with the muscle law."""
     task = Hopper()
     actions = np.random.default_rng(0).integers(0, 2, (decisions, 2), dtype=np.int8)
@@ -197,10 +180,10 @@ def single_row(decisions: int, pairs: int) -> Row:
             mujoco.mj_step(model, data, task.substeps)
 
     ours()  # compiles
-    return in_turn(f"{HOPPER}, single ÷ mj_step", "decisions/s", decisions, ours, other, pairs=pairs)
+    return in_turn("decisions/s", decisions, ours, other, pairs=pairs)
 
 
-def foreign_row(seeds: int, decisions: int, pairs: int) -> Row:
+def foreign(seeds: int, decisions: int, pairs: int) -> Figures:
     """Decisions per second of learning in CartPole, against stepping the bare environments at random."""
     task = from_gymnasium("CartPole-v1")
     agent = Agent(softmax(task), olpomdp(0.99), Adam(0.003))
@@ -217,46 +200,49 @@ def foreign_row(seeds: int, decisions: int, pairs: int) -> Row:
                 if any(environment.step(int(action))[2:4]):
                     environment.reset()
 
-    name = f"CartPole-v1, learning ÷ bare environments, {seeds} seeds"
-    return in_turn(name, "decisions/s", decisions * seeds, lambda: learner.advance(decisions), other, pairs=pairs)
+    return in_turn("decisions/s", decisions * seeds, lambda: learner.advance(decisions), other, pairs=pairs)
 
 
-def shared_row(name: str, task: HostTask, envs: int, decisions: int, pairs: int) -> Row:
+def shared(task: HostTask, envs: int, decisions: int, pairs: int) -> Figures:
     """Decisions per second of one learner fed by several environments, against as many learners, each with its own."""
     agent = natural(task, envs * decisions)
-    shared = stepper_for(task, agent, [0], envs=envs)
-    single = stepper_for(task, agent, range(envs))
-    for stepper, each in ((shared, envs * decisions), (single, decisions)):
-        stepper.advance(each)  # compiles
-    name = f"{name}, one natural learner of {envs} environments ÷ {envs} learners of one"
+    one = stepper_for(task, agent, [0], envs=envs)
+    many = stepper_for(task, agent, range(envs))
     amount = envs * decisions
-    return in_turn(
-        name, "decisions/s", amount, lambda: shared.advance(amount), lambda: single.advance(decisions), pairs=pairs
-    )
+    for stepper, each in ((one, amount), (many, decisions)):
+        stepper.advance(each)  # compiles
+    return in_turn("decisions/s", amount, lambda: one.advance(amount), lambda: many.advance(decisions), pairs=pairs)
 
 
 HEIGHT = 0.3  # metres
 
 
-SETTINGS: tuple[tuple[Literal["landing", "apex"], float], ...] = (("landing", 0.98), ("apex", 0.98), ("landing", 0.995))
+Rewarded = Literal["landing", "apex"]
+SETTINGS: tuple[tuple[Rewarded, float], ...] = (("landing", 0.98), ("apex", 0.98), ("landing", 0.995))
 """What is rewarded, and the decay of the trace: the thesis's decay twice, and the task's own learner."""
+INDEPENDENT = 315.0
+"""Simulated seconds of an independent model with the same numbers, rewarded at the first apex with a decay of 0.98: the
+median of 8 seeds, from 270 to 450; its apex at 1,500 s was 0.72 m."""
 
 
-def learning_rows(seeds: int, seconds: float) -> Iterator[Row]:
-    """Time until the median seed's apex, averaged over 25 s windows, exceeds 0.3 m; and the final apex. The other
-    column has the figures of an independent model with the same numbers, rewarded at the first apex with a decay of
-    0.98: 315 s (270 to 450) and 0.72 m at 1,500 s, 8 seeds."""
-    for reward_type, decay in SETTINGS:
-        start = time.perf_counter()
-        task = Hopper(reward_type=reward_type)
-        decisions, window = (round(each / task.period) for each in (seconds, 25))
-        run = train(task, agent_for(task, decay=decay), decisions, seeds, window=window, progress=False)
-        wall = time.perf_counter() - start
-        decision, apex = run.curve("apex")
-        each = np.array([next(iter(decision[row > HEIGHT]), np.inf) for row in apex]) * task.period
-        simulated = float(np.median(each))
-        last = run.final("apex", min(1.0, 8 / apex.shape[1]))
-        name = f"hopper rewarded at {reward_type}, decay {decay}, {seeds} seeds"
-        yield Row(f"{name}: apex > {HEIGHT} m", simulated, 315.0, "simulated s", None, (each.min(), each.max()))
-        yield Row("   the same in wall time, all seeds together", wall * simulated / seconds, None, "s")
-        yield Row(f"   apex at {seconds:.0f} s", float(np.median(last)), 0.72, "m", None, (last.min(), last.max()))
+def learned_heights(reward_type: Rewarded, decay: float, seeds: int, seconds: float) -> Figures:
+    """Simulated seconds until the median seed's apex, averaged over 25 s windows, exceeds 0.3 m, and the final apex."""
+    task = Hopper(reward_type=reward_type)
+    decisions, window = (round(each / task.period) for each in (seconds, 25))
+    learned: list[Run] = []
+
+    def learn() -> None:
+        learned.append(train(task, agent_for(task, decay=decay), decisions, seeds, window=window, progress=False))
+
+    took = timed(learn, decisions * seeds)
+    (run,) = learned
+    decision, apex = run.curve("apex")
+    each = np.array([next(iter(decision[row > HEIGHT]), np.inf) for row in apex]) * task.period
+    simulated = float(np.median(each))
+    last = run.final("apex", min(1.0, 8 / apex.shape[1]))
+    also = (
+        f"{each.min():,.0f} … {each.max():,.0f} s over seeds; {took.wall * simulated / seconds:.3g} s of wall time, all seeds "
+        f"together; apex at {seconds:,.0f} s {np.median(last):.2f} m [{last.min():.2f} … {last.max():.2f}]; other: an "
+        "independent model, 0.72 m at 1,500 s"
+    )
+    return Figures(simulated, INDEPENDENT, "simulated s", pairs=((took, None),), also=also)

@@ -1,6 +1,5 @@
 """Learners of worlds beside hand-written compiled loops of the same learner."""
 
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -8,7 +7,7 @@ import jax
 import numpy as np
 
 from motorgrad.benchmarks._loops import particle_loop, recruitment_loop, three_state_loop
-from motorgrad.benchmarks._measure import Row, in_turn
+from motorgrad.benchmarks._measure import Figures, in_turn
 from motorgrad.policies import LocalGaussians
 from motorgrad.schema import numbers_of
 from motorgrad.tasks import FallingParticle, LinearRecruitment, Task, ThreeState
@@ -17,20 +16,17 @@ from motorgrad.training import agent_for, stepper_for, training_stepper_for
 LOOP_STEPS = 4_000_000
 
 
-def loop_row(
-    name: str, task: Task, loop: Callable[[int], object], seeds: int, decisions: int, pairs: int, wanted: str
-) -> Row:
+def beside_loop(task: Task, loop: Callable[[int], object], seeds: int, decisions: int, pairs: int) -> Figures:
     """Updates per second in total of the task's own learner, of so many `seeds` and `decisions` of each, against those
     of a `loop` on one core, which learns for a given number of decisions."""
     learner = stepper_for(task, agent_for(task), range(seeds))
     learner.advance(decisions)  # compiles
     loop(10)  # compiles
-    name = f"{name} ÷ compiled loop, {seeds:,} seed{'s' * (seeds > 1)}"
     works = (lambda: learner.advance(decisions), lambda: loop(LOOP_STEPS))
-    return in_turn(name, "updates/s", decisions * seeds, *works, LOOP_STEPS, pairs, wanted)
+    return in_turn("updates/s", decisions * seeds, *works, LOOP_STEPS, pairs)
 
 
-def three_state_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
+def three_states(seeds: int, decisions: int, pairs: int = 5) -> Figures:
     """OLGARB on the three-state MDP: updates per second in total, against the loop's on one core."""
     task = ThreeState()
     numbers = numbers_of(agent_for(task).hyperparameters)
@@ -44,48 +40,43 @@ def three_state_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = ""
         numbers["estimator.trace.decay"],
         numbers["optimizer.learning_rate"],
     )
-    name = "three-state OLGARB"
-    return loop_row(name, task, lambda steps: three_state_loop(steps, 1, *inputs), seeds, decisions, pairs, wanted)
+    return beside_loop(task, lambda steps: three_state_loop(steps, 1, *inputs), seeds, decisions, pairs)
 
 
-def recruitment_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
+def recruitment(seeds: int, decisions: int, pairs: int = 5) -> Figures:
     """OLGARB on linear recruitment: updates per second in total of pools of eight, against the loop's on one core."""
     task = LinearRecruitment(units=8)
     learning_rate = numbers_of(agent_for(task).hyperparameters)["optimizer.learning_rate"]
     numbers = (task.units, task.slope, task.intercept, learning_rate)
-    name = f"linear recruitment of {task.units}, OLGARB"
-    return loop_row(name, task, lambda steps: recruitment_loop(steps, 1, *numbers), seeds, decisions, pairs, wanted)
+    return beside_loop(task, lambda steps: recruitment_loop(steps, 1, *numbers), seeds, decisions, pairs)
 
 
-def natural_row(seeds: int, decisions: int, pairs: int = 5) -> Row:
+def natural_step(seeds: int, decisions: int, pairs: int = 5) -> Figures:
     """Updates per second in total of pools of sixteen: the natural step against the plain one."""
     task = LinearRecruitment(units=16)
     natural = agent_for(task, metric="fisher", damping={"threshold": 0.05}, learning_rate=1e-4)
     learners = [stepper_for(task, agent, range(seeds)) for agent in (natural, agent_for(task))]
-    name = f"linear recruitment of {task.units}, natural ÷ plain step"
-    return _compare(name, "updates/s", learners, seeds, decisions, pairs)
+    return _compare("updates/s", learners, seeds, decisions, pairs)
 
 
-def sweep_row(settings: int, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
+def sweep(settings: int, seeds: int, decisions: int, pairs: int = 5) -> Figures:
     """Updates per second in total of a sweep over learning rates of OLGARB, against as many seeds of one setting."""
     task = ThreeState()
     agent = agent_for(task)
     rates = np.repeat(np.geomspace(1e-4, 1e-1, settings), seeds)  # all seeds of the first setting, then of the second
     lanes = np.tile(np.arange(seeds), settings)
-    sweep = training_stepper_for(task, agent, lanes.tolist(), numbers={"optimizer.learning_rate": rates})
+    swept = training_stepper_for(task, agent, lanes.tolist(), numbers={"optimizer.learning_rate": rates})
     single = training_stepper_for(task, agent, range(settings * seeds))
-    name = f"three-state OLGARB, sweep of {settings} settings × {seeds} seeds ÷ one setting"
-    return _compare(name, "updates/s", (sweep, single), settings * seeds, decisions, pairs, wanted)
+    return _compare("updates/s", (swept, single), settings * seeds, decisions, pairs)
 
 
 EPISODE = 24.5  # decisions on average, for the initial policy
 
 
-def particle_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
+def particle(seeds: int, decisions: int, pairs: int = 5) -> Figures:
     """OLGARB on the falling particle: updates per second of eight local units, against a loop's on one core."""
     task = FallingParticle()
-    name = f"particle with {task.units} local units, OLGARB"
-    return loop_row(name, task, hand_written(task), seeds, decisions, pairs, wanted)
+    return beside_loop(task, hand_written(task), seeds, decisions, pairs)
 
 
 def hand_written(task: FallingParticle, seed: int = 1) -> Callable[[int], tuple[np.ndarray, np.ndarray, Any]]:
@@ -107,22 +98,21 @@ def hand_written(task: FallingParticle, seed: int = 1) -> Callable[[int], tuple[
     return lambda steps: particle_loop(steps, seed, centre, log_width, forces, regions, numbers, decay, rates, limits)
 
 
-def local_learning_row(seeds: int, episodes: int, wanted: str) -> Row:
-    """Wall time of the learning behind figure 6.5, including compilation."""
+def local_learning(seeds: int, episodes: int) -> Figures:
+    """Seconds of the learning behind figure 6.5, including compilation."""
     jax.clear_caches()
     task = FallingParticle()
-    start = time.perf_counter()
-    learner = stepper_for(task, agent_for(task), range(seeds))
-    learner.advance(round(episodes * EPISODE))
-    took = time.perf_counter() - start
-    name = f"particle, {seeds} seeds × {episodes:,} episodes, with compilation"
-    return Row(name, took, None, "s", wanted=wanted)
+
+    def learn() -> None:
+        stepper_for(task, agent_for(task), range(seeds)).advance(round(episodes * EPISODE))
+
+    return in_turn("s", 1, learn, pairs=1)
 
 
 WIDTH = 0.64  # in spacings, so that the number of units that can fire anywhere does not depend on their total number
 
 
-def index_row(units: int, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
+def index(units: int, seeds: int, decisions: int, pairs: int = 5) -> Figures:
     """Decisions per second in total of a particle with thousands of local units, with and without the spatial index."""
     task = FallingParticle(units=units)
     width = WIDTH / (units / 2) ** 0.5
@@ -133,16 +123,12 @@ def index_row(units: int, seeds: int, decisions: int, pairs: int = 5, wanted: st
         for kind in ("sparse", "policy-gradient")
     ]
     learners = [stepper_for(task, agent, range(seeds)) for agent in agents]
-    name = f"falling particle of {units:,} units, indexed ÷ all"
-    return _compare(name, "decisions/s", learners, seeds, decisions, pairs, wanted)
+    return _compare("decisions/s", learners, seeds, decisions, pairs)
 
 
-def _compare(
-    name: str, unit: str, learners: Sequence[Any], seeds: int, decisions: int, pairs: int, wanted: str = ""
-) -> Row:
+def _compare(unit: str, learners: Sequence[Any], seeds: int, decisions: int, pairs: int) -> Figures:
     """The rate of the first of two learners, against the second's."""
     for learner in learners:
         learner.advance(decisions)  # compiles
     ours, other = (lambda own=learner: own.advance(decisions) for learner in learners)
-    name = f"{name}, {seeds:,} seed{'s' * (seeds > 1)}"
-    return in_turn(name, unit, decisions * seeds, ours, other, pairs=pairs, wanted=wanted)
+    return in_turn(unit, decisions * seeds, ours, other, pairs=pairs)

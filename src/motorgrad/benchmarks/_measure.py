@@ -1,68 +1,111 @@
-"""Measurements: two pieces of work in turn, and the start-up time and memory of whole processes."""
+"""Measurements: two pieces of work in turn, in wall and processor time, and the start and memory of whole processes."""
 
 import dataclasses
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from motorgrad._processes import environment
+from motorgrad._processes import SAFE, environment
+
+PER_SECOND = "/s"
+"""The end of units of which more is better; of the others, seconds and bytes, less is better."""
+Span = tuple[float, float]
 
 
 @dataclasses.dataclass(frozen=True)
-class Row:
-    """A row of the speed table: `ours` and `other` in `unit`, and the median, least and greatest of their ratio.
-    Machines drift in speed, so ratios are taken of pairs measured one after the other; single figures are medians."""
+class Took:
+    """A piece of work: how much of it was done, and the `wall` and processor seconds (`cpu`, of all threads) it took."""
 
-    name: str
+    amount: float
+    wall: float
+    cpu: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Figures:
+    """What a row of the speed table found: `ours` and `other` in `unit`, by wall time, and their ratio, by wall time and
+    by processor time. Machines drift in speed, so ratios are taken of pairs measured one after the other, with the
+    least and the greatest (`spread`); single figures are medians.
+
+    - `pairs`: what ours and the other took, where both were timed; of some rows there is only ours, or none.
+    - `also`: what else was found, and what is missing, in words.
+    """
+
     ours: float
     other: float | None
     unit: str
     ratio: float | None = None
-    spread: tuple[float, float] | None = None
-    wanted: str = ""
+    spread: Span | None = None
+    cpu_ratio: float | None = None
+    cpu_spread: Span | None = None
+    pairs: tuple[tuple[Took, Took | None], ...] = ()
+    also: str = ""
+
+    @property
+    def costs(self) -> list[float]:
+        """What a unit of our work cost: processor seconds of every piece of it, or `ours` itself if it is no time."""
+        return [took.cpu / took.amount for took, _ in self.pairs] or [self.ours]
+
+
+def figures(unit: str, pairs: list[tuple[Took, Took | None]], also: str = "") -> Figures:
+    """The figures of pairs. A `unit` that ends in "/s" is a rate, and has a ratio; any other is seconds per amount."""
+    rates = unit.endswith(PER_SECOND)
+    sides = [[took for took in side if took is not None] for side in zip(*pairs, strict=True)]
+    each = [[took.amount / took.wall if rates else took.wall / took.amount for took in side] for side in sides]
+    ours, other = (float(np.median(side)) if side else None for side in each)
+    assert ours is not None
+    if other is None or not rates:
+        return Figures(ours, other, unit, pairs=tuple(pairs), also=also)
+    found: dict[str, Any] = {}
+    for name, clock in (("", "wall"), ("cpu_", "cpu")):
+        one, two = (np.array([took.amount / getattr(took, clock) for took in side]) for side in sides)
+        ratios = one / two
+        found[f"{name}ratio"] = float(np.median(ratios))
+        found[f"{name}spread"] = (float(ratios.min()), float(ratios.max()))
+    return Figures(ours, other, unit, **found, pairs=tuple(pairs), also=also)
+
+
+def timed(work: Callable[[], object], amount: float = 1.0) -> Took:
+    """Do an `amount` of work, of this process and of those that it starts and waits for."""
+    used = _used()
+    start = time.perf_counter()
+    work()
+    wall = time.perf_counter() - start
+    return Took(amount, wall, _used() - used)
+
+
+def _used() -> float:
+    """Processor seconds of this process, all threads, and of the children that it has waited for."""
+    try:
+        import resource
+    except ImportError:  # Windows, where work of other processes is not counted
+        return time.process_time()
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
 
 
 def in_turn(
-    name: str,
     unit: str,
     amount: float,
     ours: Callable[[], object],
-    other: Callable[[], object],
+    other: Callable[[], object] | None = None,
     other_amount: float | None = None,
     pairs: int = 5,
-    wanted: str = "",
-) -> Row:
-    """Time `ours` and `other` in turn. `amount` is the work done per call, so rates are in `unit` (per second)."""
-    rates = np.empty((pairs, 2))
-    for pair in range(pairs):
-        for column, (work, size) in enumerate(((ours, amount), (other, other_amount or amount))):
-            start = time.perf_counter()
-            work()
-            rates[pair, column] = size / (time.perf_counter() - start)
-    ratios = rates[:, 0] / rates[:, 1]
-    median = np.median(rates, axis=0)
-    spread = (float(ratios.min()), float(ratios.max()))
-    return Row(name, float(median[0]), float(median[1]), unit, float(np.median(ratios)), spread, wanted)
-
-
-class Advancing(Protocol):
-    """A run that works: `advance` does an amount of its work."""
-
-    def advance(self, amount: int, /) -> object: ...
-
-
-def rate(run: Advancing, amount: int, runs: int) -> float:
-    """How much of its work per second `run.advance(amount)` does, the median of several runs."""
-    found = []
-    for _ in range(runs):
-        start = time.perf_counter()
-        run.advance(amount)
-        found.append(amount / (time.perf_counter() - start))
-    return float(np.median(found))
+    also: str = "",
+) -> Figures:
+    """Time `ours` and `other`, if there is one, in turn. `amount` is the work done per call, and `other_amount` that of
+    the other, where it differs."""
+    found: list[tuple[Took, Took | None]] = []
+    for _ in range(pairs):
+        mine = timed(ours, amount)
+        found.append((mine, None if other is None else timed(other, other_amount or amount)))
+    return figures(unit, found, also)
 
 
 HOPPERS = """
@@ -83,36 +126,55 @@ else:
     print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024))
 """
 SEEDS = (1_000, 21_000)
+IDLE = ("-c", "pass")
 
 
-def start_row(name: str, arguments: list[str], wanted: str, runs: int = 7) -> Row:
-    """Wall time in seconds of a new interpreter, minus that of one that does nothing."""
-
-    def seconds(command: list[str]) -> float:
-        start = time.perf_counter()
-        with environment():
-            subprocess.run([sys.executable, *command], check=True, capture_output=True)
-        return time.perf_counter() - start
-
-    took = [(seconds(arguments), seconds(["-c", "pass"])) for _ in range(runs)]
-    ours, empty = np.median(took, axis=0)
-    return Row(name, float(ours), float(empty), "s (other: python -c pass)", wanted=wanted)
+def started(arguments: list[str], runs: int = 7) -> Figures:
+    """Seconds of a new interpreter, beside those of one that does nothing."""
+    return in_turn("s", 1, lambda: interpret(arguments), lambda: interpret(IDLE), pairs=runs, also="other: an idle one")
 
 
-def memory_row(wanted: str) -> Row:
-    """Peak memory of a new process that trains 16 hoppers."""
-    return Row("peak memory, 16 hoppers", _peak(HOPPERS) / 1e9, None, "GB", wanted=wanted)
+def first_decision(train: list[str], warm: bool, runs: int = 3) -> Figures:
+    """Seconds of `motorgrad train` with these words for one decision: with everything compiled anew, or with what JAX
+    compiled for an earlier process, from its cache."""
+    words = ["-m", "motorgrad", "train", *train, "--steps", "1", "--out"]
+    pairs: list[tuple[Took, Took | None]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for run in range(-warm, runs):  # a warm cache is filled by a run that does not count
+            place = Path(folder)
+            cache = kept_in(place / ("cache" if warm else f"cache {run}"))
+            took = timed(lambda run=run, cache=cache: interpret([*words, str(place / f"run {run}")], cache))
+            if run >= 0:
+                pairs.append((took, None))
+    return figures("s", pairs)
 
 
-def seed_memory_row() -> Row:
-    """How much each additional seed of the particle's learner adds to the peak memory of a new process."""
-    fewer, more = (_peak(PARTICLES.format(seeds=seeds)) for seeds in SEEDS)
-    each = (more - fewer) / (SEEDS[1] - SEEDS[0])
-    return Row("memory of a seed, particle with 8 local units", each / 1e3, None, "kB")
+def kept_in(folder: Path) -> Mapping[str, str]:
+    """The variables by which JAX keeps every program that it compiles in a folder."""
+    return {
+        "JAX_COMPILATION_CACHE_DIR": str(folder),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+    }
 
 
-def _peak(script: str) -> int:
+def interpret(arguments: list[str] | tuple[str, ...], settings: Mapping[str, str] | None = None) -> str:
+    """What a new interpreter prints, with these environment variables."""
+    with environment({**SAFE, **(settings or {})}):
+        return subprocess.run([sys.executable, *arguments], check=True, capture_output=True, text=True).stdout
+
+
+def peak(script: str) -> float:
     """Peak memory in bytes of a new interpreter that runs a script."""
-    with environment():
-        done = subprocess.run([sys.executable, "-c", script + PEAK], check=True, capture_output=True, text=True)
-    return int(done.stdout)
+    return float(interpret(["-c", script + PEAK]).split()[-1])
+
+
+def peak_of(script: str) -> Figures:
+    """Peak memory of a new interpreter that runs a script."""
+    return Figures(peak(script) / 1e9, None, "GB")
+
+
+def memory_of_a_seed() -> Figures:
+    """How much each additional seed of the particle's learner adds to the peak memory of a new process."""
+    fewer, more = (peak(PARTICLES.format(seeds=seeds)) for seeds in SEEDS)
+    return Figures((more - fewer) / (SEEDS[1] - SEEDS[0]) / 1e3, None, "kB")

@@ -1,7 +1,6 @@
 """A policy and a critic of 2 × 128 hidden units that learn from every decision, beside the same learner in torch."""
 
 import dataclasses
-import importlib.util
 import math
 from typing import Any, ClassVar
 
@@ -10,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from motorgrad.benchmarks._measure import Row, in_turn, rate
+from motorgrad._extras import installed
+from motorgrad.benchmarks._measure import Figures, in_turn
 from motorgrad.learning import SGD, Agent, Estimator, Exponential, NetworkCritic, OvershootingBound
 from motorgrad.policies import MultilayerPerceptron, graded_hyperplanes
 from motorgrad.tasks import Task
@@ -143,17 +143,16 @@ class TorchLearner:
             self.step(observations[t], noise[t], observations[t + 1])
 
 
-def network_row(decisions: int, peer_decisions: int, pairs: int = 5, wanted: str = "") -> Row:
-    """Learning steps per second of one stream on one core, against the learner in torch."""
+def network(decisions: int, peer_decisions: int, pairs: int = 5) -> Figures:
+    """Learning steps per second of one stream on one core, against the learner in torch, if that is installed."""
     agent = learner()
     ours = stepper_for(Stream(), agent, [0])
     ours.advance(decisions)  # compiles
-    name = f"policy and critic of {' × '.join(map(str, (len(HIDDEN), HIDDEN[0])))}, one stream"
-    if importlib.util.find_spec("torch") is None:
-        missing = f"{name} (torch is not installed: extra peers)"
-        return Row(missing, rate(ours, decisions, pairs), None, "steps/s", wanted=wanted)
+    if not installed("torch"):
+        also = "torch is not installed: extra peers"
+        return in_turn("steps/s", decisions, lambda: ours.advance(decisions), pairs=pairs, also=also)
     state = agent.init(jax.random.key(0))
     peer = TorchLearner(state.policy, state.estimator.baseline.weights)
     peer.run(math.ceil(peer_decisions / 10))
     both = (lambda: ours.advance(decisions), lambda: peer.run(peer_decisions))
-    return in_turn(f"{name} ÷ torch", "steps/s", decisions, *both, peer_decisions, pairs, wanted)
+    return in_turn("steps/s", decisions, *both, peer_decisions, pairs)

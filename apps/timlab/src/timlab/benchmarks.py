@@ -1,14 +1,12 @@
 """Diagrams: beside the same ones in PathSim, compilation, and learning diagrams beside the library's own training."""
 
-import importlib.util
-import time
-from collections.abc import Iterator
 from typing import Any
 
 import jax
 import numpy as np
 
-from motorgrad.benchmarks import Row, in_turn, rate
+from motorgrad._extras import installed
+from motorgrad.benchmarks import Figures, Goal, Row, figures, in_turn, started, timed
 from motorgrad.tasks import make
 from motorgrad.training import agent_for, stepper_for
 from timlab import Diagram, Gain, Integrator, Run, Sink, Sum, UnitDelay
@@ -19,65 +17,106 @@ STIFFNESS = 4.0
 DAMPING = 0.3
 
 
-def rows(quick: bool, pairs: int) -> Iterator[Row]:
-    """The rows of TimLab in the speed table; `pairs`, how many of ours and of others are measured in turn."""
+FIRST_TICK = """
+from timlab import Run
+from timlab.gallery import example
+Run(example("chain")).advance(1)
+"""
+
+
+def rows() -> list[Row]:
+    """The rows of TimLab in the speed table."""
+
+    def continuous(blocks: int, ticks: int, peer: int):
+        return lambda quick, pairs: beside_peer(blocks, 100 if quick else ticks, 2 if quick else peer, pairs)
+
+    def separate(blocks: int, ticks: int):
+        return lambda quick, pairs: discrete(blocks, 100 if quick else 2 * ticks, pairs)
+
+    def learns(name: str, ticks: int):
+        return lambda quick, pairs: learning(name, 16 if quick else 1000, 50 if quick else ticks, pairs)
+
+    million = Goal(1e6, "ticks/s")
+    found = []
     for blocks, ticks, peer in ((10, 1_000_000, 500), (100, 300_000, 100), (500, 100_000, 20)):
-        wanted = "≥ 1,000,000" if blocks == 100 else ""
-        yield peer_row(blocks, 100 if quick else ticks, 2 if quick else peer, pairs, "≥ 100")
-        yield discrete_row(blocks, 100 if quick else 2 * ticks, pairs, wanted)
-    for name, ticks in (("linear-recruitment", 4_000), ("particle", 2_000)):
-        wanted = "≥ 1,000,000" if name == "linear-recruitment" else ""
-        yield learning_diagram_row(name, 16 if quick else 1000, 50 if quick else ticks, pairs, wanted)
-    yield beside_training_row("linear-recruitment", 16 if quick else 1000, 50 if quick else 4_000, pairs)
-    yield compile_row(10 if quick else 100, True)
-    yield compile_row(10 if quick else 500, False, "≤ 5")
+        name = f"diagram of {blocks} blocks"
+        goal = million if blocks == 100 else None
+        found += [
+            Row(f"diagram-{blocks}", f"{name}, continuous ÷ PathSim", continuous(blocks, ticks, peer), Goal(100)),
+            Row(f"discrete-{blocks}", f"{name}, discrete", separate(blocks, ticks), goal),
+        ]
+    of_seeds = "1,000 seeds"
+    return [
+        *found,
+        Row(
+            "diagram-recruitment",
+            f"diagram linear-recruitment that learns, {of_seeds}",
+            learns("linear-recruitment", 4_000),
+            million,
+        ),
+        Row("diagram-particle", f"diagram particle that learns, {of_seeds}", learns("particle", 2_000)),
+        Row(
+            "diagram-training",
+            f"diagram linear-recruitment ÷ training, {of_seeds}",
+            lambda quick, pairs: beside_training(
+                "linear-recruitment", 16 if quick else 1000, 50 if quick else 4_000, pairs
+            ),
+        ),
+        Row(
+            "first-tick-100",
+            "diagram of 100 blocks, until its first tick",
+            lambda quick, pairs: compiling(10 if quick else 100, True),
+        ),
+        Row(
+            "first-tick-500",
+            "diagram of 500 blocks, until its first tick",
+            lambda quick, pairs: compiling(10 if quick else 500, False),
+            Goal(5, "s", at_most=True),
+        ),
+        Row(
+            "first-tick-timlab",
+            "import timlab, and the first tick of the diagram chain, in a new process",
+            lambda quick, pairs: started(["-c", FIRST_TICK], min(pairs, 3)),
+            quick=False,
+        ),
+    ]
 
 
-def peer_row(blocks: int, ticks: int, peer_ticks: int, pairs: int = 5, wanted: str = "") -> Row:
+def beside_peer(blocks: int, ticks: int, peer_ticks: int, pairs: int = 5) -> Figures:
     """Ticks per second of a ring of coupled oscillators, by RK4, against PathSim's if that is installed.
 
     **Arguments:** how many `blocks`, of which five make an oscillator; the `ticks` that we make at a time, and those
-    that PathSim makes; how many `pairs` are measured; the target `wanted`.
+    that PathSim makes; how many `pairs` are measured.
     """
     run = Run(oscillators(blocks // 5))
     run.advance(1)  # compiles
-    name = f"diagram of {blocks} blocks, continuous"
-    if importlib.util.find_spec("pathsim") is None:
-        missing = f"{name} (PathSim is not installed: extra peers)"
-        return Row(missing, rate(run, ticks, pairs), None, "ticks/s", wanted=wanted)
+    if not installed("pathsim"):
+        also = "PathSim is not installed: extra peers"
+        return in_turn("ticks/s", ticks, lambda: run.advance(ticks), pairs=pairs, also=also)
     peer = PathSimOscillators(blocks // 5)
-    return in_turn(
-        f"{name} ÷ PathSim",
-        "ticks/s",
-        ticks,
-        lambda: run.advance(ticks),
-        lambda: peer.advance(peer_ticks),
-        peer_ticks,
-        pairs,
-        wanted,
-    )
+    works = (lambda: run.advance(ticks), lambda: peer.advance(peer_ticks))
+    return in_turn("ticks/s", ticks, *works, peer_ticks, pairs)
 
 
-def discrete_row(blocks: int, ticks: int, runs: int = 5, wanted: str = "") -> Row:
+def discrete(blocks: int, ticks: int, runs: int = 5) -> Figures:
     """Ticks per second of a diagram of delays, gains and sums."""
     run = Run(network(blocks))
     run.advance(1)  # compiles
-    return Row(f"diagram of {blocks} blocks, discrete", rate(run, ticks, runs), None, "ticks/s", wanted=wanted)
+    return in_turn("ticks/s", ticks, lambda: run.advance(ticks), pairs=runs)
 
 
-def compile_row(blocks: int, single: bool, wanted: str = "") -> Row:
+def compiling(blocks: int, single: bool) -> Figures:
     """Seconds from a diagram to its first tick; if `single`, also with every block compiled separately."""
-    took = []
+
+    def first_tick(stacked: bool) -> None:
+        Run(oscillators(blocks // 5, TICK / 2), stacked=stacked).advance(1)  # not the program of other rows
+
+    works = []
     for stacked in (True, False) if single else (True,):
-        diagram = oscillators(blocks // 5, TICK / 2)  # not the program of other rows, which is cached
         jax.clear_caches()
-        start = time.perf_counter()
-        Run(diagram, stacked=stacked).advance(1)
-        took.append(time.perf_counter() - start)
-    ours = took[0]
-    other = took[1] if single else None
-    unit = "s (other: every block by itself)" if single else "s"
-    return Row(f"diagram of {blocks} blocks, until its first tick", ours, other, unit, wanted=wanted)
+        works.append(timed(lambda stacked=stacked: first_tick(stacked)))
+    also = "other: every block by itself" if single else ""
+    return figures("s", [(works[0], works[1] if single else None)], also)
 
 
 def oscillators(number: int, tick: float = TICK) -> Diagram:
@@ -149,32 +188,22 @@ class PathSimOscillators:
         return np.array([float(place.outputs[0]) for place in self.places])
 
 
-def learning_diagram_row(name: str, seeds: int, ticks: int, runs: int = 5, wanted: str = "") -> Row:
+def learning(name: str, seeds: int, ticks: int, runs: int = 5) -> Figures:
     """Learning ticks per second in total of a diagram of the gallery, with all seeds in one call."""
     run = Run(remove_sinks(example(name)), seeds)
-    run.advance(128)  # compiles
-    return Row(
-        f"diagram {name} that learns, {seeds:,} seeds", rate(run, ticks, runs) * seeds, None, "ticks/s", wanted=wanted
-    )
+    run.advance(ticks)  # compiles
+    return in_turn("ticks/s", ticks * seeds, lambda: run.advance(ticks), pairs=runs)
 
 
-def beside_training_row(name: str, seeds: int, ticks: int, pairs: int = 5, wanted: str = "") -> Row:
+def beside_training(name: str, seeds: int, ticks: int, pairs: int = 5) -> Figures:
     """The same diagram against `motorgrad.train`'s loop on the task of that name, which is compiled in one piece."""
     run = Run(remove_sinks(example(name)), seeds)
     task = make(name)
     whole = stepper_for(task, agent_for(task), range(seeds))
     run.advance(ticks)
     whole.advance(ticks)
-    title = f"diagram {name} ÷ training, {seeds:,} seeds"
-    return in_turn(
-        title,
-        "ticks/s",
-        ticks * seeds,
-        lambda: run.advance(ticks),
-        lambda: whole.advance(ticks),
-        pairs=pairs,
-        wanted=wanted,
-    )
+    works = (lambda: run.advance(ticks), lambda: whole.advance(ticks))
+    return in_turn("ticks/s", ticks * seeds, *works, pairs=pairs)
 
 
 def remove_sinks(diagram: Diagram) -> Diagram:

@@ -1,0 +1,1 @@
+"""The speed table: measured and stored row by row, drawn, and compared between commits."""
