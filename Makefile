@@ -24,7 +24,7 @@ KEPT_MEMORY := MALLOC_TRIM_THRESHOLD_=2000000000 MALLOC_TOP_PAD_=67108864 MALLOC
 PYTEST := $(QUIET_THREADS) $(KEPT_MEMORY) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo editor test test-motorgrad test-timsim test-timlab test-thesis test-extras test-share test-all lint format release bench torture docs figures gallery notebooks numbers clean
+.PHONY: help install demo editor test test-motorgrad test-timsim test-timlab test-thesis test-extras test-share test-all lint format release bench bench-check torture docs figures gallery notebooks numbers clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z-]*\):[^#]*##  *\(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-22s %s\n", $$1, $$2 }'
@@ -87,11 +87,14 @@ format: $(STAMP)  ## put the format right
 	$(BIN)/ruff check --fix $(CODE)
 	$(BIN)/ruff format $(CODE)
 
-release: $(STAMP) $(BUILT)  ## build wheels and source distributions, and try them on the oldest and the newest Python
+release: $(STAMP) $(BUILT) bench-check  ## compare speed with the last tag; build wheels and source distributions, and try them on the oldest and the newest Python
 	$(BIN)/python -m tools.try_release $(PYTHONS)
 
-bench: $(STAMP)  ## the speed table of docs/performance.md
-	$(BIN)/motorgrad bench
+bench: $(STAMP)  ## measure the speed table of docs/performance.md, store and draw it (ROWS="hopper-*": these)
+	set -f; $(BIN)/python -m tools.speed measure $(ROWS)
+
+bench-check: $(STAMP)  ## the speed of this checkout beside a commit's (BASE=COMMIT, by default the last tag; ROWS)
+	set -f; $(BIN)/python -m tools.speed check $(if $(BASE),--base $(BASE)) $(if $(ROWS),-- $(ROWS))
 
 torture: $(STAMP)  ## attack: kills, damaged files, mutated inputs (some minutes; COUNT=10 of each)
 	$(BIN)/python -m tools.torture --count $(or $(COUNT),10) --record build/torture.json

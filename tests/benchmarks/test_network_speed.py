@@ -47,13 +47,11 @@ def test_the_learner_in_torch_takes_the_same_steps():
 
 
 @pytest.mark.slow
-def test_the_row_says_what_was_measured_with_torch_and_without(monkeypatch):
+def test_the_row_has_the_learner_in_torch_or_says_that_it_is_missing(monkeypatch):
     monkeypatch.setattr(networks, "HIDDEN", (4, 4))
-    row = networks.network_row(50, 20, 1, "≥ 1")
-    if row.other is not None:
-        assert row.name == "policy and critic of 2 × 4, one stream ÷ torch"
-    monkeypatch.setattr(networks.importlib.util, "find_spec", lambda name: None)
-    row = networks.network_row(50, 20, 1, "≥ 1")
-    assert row.name == "policy and critic of 2 × 4, one stream (torch is not installed: extra peers)"
-    assert row.other is None
-    assert row.ours > 0
+    found = networks.network(50, 20, 1)
+    assert (found.other is None) == bool(found.also)
+    monkeypatch.setattr(networks, "installed", lambda package: False)
+    found = networks.network(50, 20, 1)
+    assert (found.other, found.also) == (None, "torch is not installed: extra peers")
+    assert found.ours > 0

@@ -1,17 +1,32 @@
 """The speed table: that what is measured is what it says, and that the hand-written loop is the same learner."""
 
-import importlib.util
 import json
+import re
+import subprocess
+import sys
+import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from motorgrad.benchmarks import Row
-from motorgrad.benchmarks._bodies import body_row, simulated_row, tendon_rows
+from motorgrad._extras import MissingExtra
+from motorgrad.benchmarks import (
+    Figures,
+    Goal,
+    Row,
+    Took,
+    _bodies,
+    _measure,
+    chosen,
+    figures,
+    in_turn,
+    speed_table,
+    timed,
+)
 from motorgrad.benchmarks._learners import hand_written
 from motorgrad.benchmarks._loops import recruitment_loop, three_state_loop
-from motorgrad.benchmarks._measure import in_turn
 from motorgrad.cli import main
 from motorgrad.policies import Softmax
 from motorgrad.schema import numbers_of
@@ -25,41 +40,133 @@ def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def test_ratios_are_of_pairs_measured_in_turn():
+def test_ratios_are_of_pairs_measured_in_turn_by_both_clocks(monkeypatch):
+    clocks = {"wall": 0.0, "cpu": 0.0}
+    monkeypatch.setattr(_measure, "time", SimpleNamespace(perf_counter=lambda: clocks["wall"]))
+    monkeypatch.setattr(_measure, "_used", lambda: clocks["cpu"])
     calls = []
 
-    def work(name, seconds):
+    def work(name, walls, cpu):
         calls.append(name)
-        time.sleep(seconds)
+        clocks["wall"] += walls.pop(0)
+        clocks["cpu"] += cpu
 
-    row = in_turn("n", "u/s", 10, lambda: work("ours", 0.03), lambda: work("other", 0.01), 5, pairs=3, wanted="≥ 0.1")
+    walls = {"ours": [2.0, 4.0, 5.0], "other": [1.0, 1.0, 1.0]}
+    works = (lambda: work("ours", walls["ours"], 4.0), lambda: work("other", walls["other"], 0.5))
+    found = in_turn("u/s", 20, *works, 5, 3)
     assert calls == ["ours", "other"] * 3
-    # ten in 0.03 s or more against five in 0.01 s or more: a busy machine sleeps longer
-    assert 0 < row.ours <= 10 / 0.03
-    assert 0 < row.other <= 5 / 0.01
-    assert row.spread[0] <= row.ratio <= row.spread[1]
-    assert (row.name, row.unit, row.wanted) == ("n", "u/s", "≥ 0.1")
+    assert (found.ours, found.other, found.ratio, found.spread) == (5.0, 5.0, 1.0, (0.8, 2.0))
+    assert (found.cpu_ratio, found.cpu_spread) == (0.5, (0.5, 0.5))
+    assert found.pairs[1] == (Took(20, 4.0, 4.0), Took(5, 1.0, 0.5))
+    assert found.costs == [0.2] * 3
+
+
+def test_seconds_have_no_ratio_and_memory_has_no_time():
+    found = figures("s", [(Took(1, 3.0, 2.0), Took(1, 1.0, 1.0))])
+    assert (found.ours, found.other, found.ratio, found.costs) == (3.0, 1.0, None, [2.0])
+    assert Figures(0.5, None, "GB").costs == [0.5]
+
+
+def test_processor_time_is_of_all_threads_and_of_children_and_not_of_waiting():
+    burn = "import time\nwhile time.process_time() < 0.2: pass"
+
+    def in_a_thread():
+        thread = threading.Thread(target=exec, args=(burn.replace("0.2", str(time.process_time() + 0.2)),))
+        thread.start()
+        thread.join()
+
+    assert timed(lambda: subprocess.run([sys.executable, "-S", "-c", burn], check=True)).cpu >= 0.2
+    assert timed(in_a_thread).cpu >= 0.2
+    slept = timed(lambda: time.sleep(0.2))
+    assert slept.wall >= 0.2
+    assert slept.cpu < slept.wall
+
+
+@pytest.mark.parametrize(
+    ("goal", "words", "ours", "ratio", "met"),
+    [
+        (Goal(0.8), "≥ 0.8", 1.0, 0.8, True),
+        (Goal(0.8), "≥ 0.8", 1.0, 0.79, False),
+        (Goal(10_000, "u/s"), "≥ 10,000 u/s", 9_000.0, 24.0, False),
+        (Goal(9, "u/s", at_most=True), "≤ 9 u/s", 9.0, None, True),
+    ],
+)
+def test_a_goal_says_whether_it_is_met(goal, words, ours, ratio, met):
+    assert str(goal) == words
+    assert goal.met(Figures(ours, None, "u/s", ratio)) == met
+
+
+def test_a_goal_refuses_figures_that_lack_what_it_is_of():
+    with pytest.raises(ValueError, match="a ratio for ≥"):
+        Goal(0.8).met(Figures(1.0, None, "u/s"))
+    with pytest.raises(ValueError, match="GB for ≤"):
+        Goal(1.5, "GB", at_most=True).met(Figures(1.0, None, "s"))
+
+
+def test_rows_are_asked_for_by_id_or_pattern():
+    rows = list(speed_table())
+    ids = [row.id for row in rows]
+    assert len(set(ids)) == len(ids)
+    assert all(re.fullmatch(r"[a-z0-9-]{3,32}", each) for each in ids)
+    assert len({row.name for row in rows}) == len(rows)
+    assert [row.id for row in chosen(rows, ["import", "three-states-*"])] == [
+        *("three-states-1", "three-states-1024", "three-states-sweep", "import")
+    ]
+    assert [row.id for row in chosen(rows)] == ids
+    with pytest.raises(ValueError, match="unknown row 'hoper-1': did you mean 'hopper-1'"):
+        chosen(rows, ["hoper-1"])
+
+
+def test_bench_lists_rows_and_refuses_unknown_ones(capsys):
+    assert main(["bench", "--list", "--rows", "hopper-*"]) == 0
+    listed = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in listed] == ["hopper-16", "hopper-1"]
+    assert listed[0].endswith("hopper, learning ÷ bare physics, 16 seeds   wanted ≥ 0.8")
+    assert main(["bench", "--rows", "hoper-1"]) == 2
+
+
+def test_bench_leaves_out_aloud_what_takes_long_or_needs_more(monkeypatch, capsys, tmp_path):
+    def needs(quick, pairs):
+        raise MissingExtra("this row needs the package far")
+
+    rows = [
+        Row("plain", "a row", lambda quick, pairs: Figures(float(pairs), None, "s"), Goal(1, "s", at_most=True)),
+        Row("long", "a long row", lambda quick, pairs: Figures(1.0, None, "s"), quick=False),
+        Row("far", "a row of far", needs),
+    ]
+    monkeypatch.setattr("motorgrad.commands.bench.speed_table", lambda: rows)
+    assert main(["bench", "--quick", "--json", "bench.json"]) == 0
+    said = capsys.readouterr().out
+    assert "takes long: long" in said
+    assert "left out, far: this row needs the package far" in said
+    (row,) = json.loads((tmp_path / "bench.json").read_text())["rows"]
+    assert (row["id"], row["ours"], row["wanted"], row["pairs"]) == ("plain", 2.0, "≤ 1 s", [])
 
 
 @pytest.mark.ci
 @pytest.mark.parametrize("task", [Hopper(), HexapodSynergy()], ids=lambda task: task.name)
 def test_the_rows_of_bodies_compare_learning_with_replayed_physics(task):
-    row = body_row("a body", task, 2, 20, pairs=2)
-    assert row.unit == "physics steps/s"
-    assert 0 < row.spread[0] <= row.ratio <= row.spread[1]
-    simulated = simulated_row(row, task)
-    assert simulated.ours == pytest.approx(row.ours * task.dynamics.timestep)
-    assert simulated.unit == "simulated s/s"
+    found = _bodies.body(task, 2, 20, pairs=2)
+    assert found.unit == "physics steps/s"
+    assert 0 < found.spread[0] <= found.ratio <= found.spread[1]
+    assert 0 < found.cpu_spread[0] <= found.cpu_ratio <= found.cpu_spread[1]
+    assert all(took.amount == 2 * 20 * task.substeps for pair in found.pairs for took in pair)
+    assert found.also == f"{found.ours * task.dynamics.timestep:,.3g} simulated s/s, all seeds together"
 
 
 @pytest.mark.ci
-def test_the_rows_of_tendons_compare_muscles_of_one_body():
-    rows = list(tendon_rows(1, 3, 1))
-    bodies = 2 + (importlib.util.find_spec("myosuite") is not None)
-    assert [row.wanted for row in rows] == ["≥ 0.77", ""] * 2 * bodies
-    assert all(row.ours > 0 and row.ratio > 0 for row in rows)
-    assert rows[4].name == "hopper, muscles on compliant tendons ÷ on rigid ones, 1 seed"
-    assert rows[6].name == "hopper, muscles with Millard's curves on compliant tendons ÷ on rigid ones, 1 seed"
+def test_the_rows_of_tendons_compare_muscles_of_one_body(monkeypatch):
+    stepped = []
+    monkeypatch.setattr(_bodies, "_stepped", lambda batch, actions: stepped.append(batch.body))
+    for row in chosen(speed_table(), ["tendons-arm6-*"]):
+        row.measure(True, 1)
+    kinds = [(body.muscle_model, body.tendon, body.curves) for body in stepped]
+    compliant, rigid = (("hill", tendon, "degroote") for tendon in ("compliant", "rigid"))
+    millard, both = (("hill", tendon, "millard") for tendon in ("compliant", "rigid"))
+    assert kinds[0:2] == [compliant, rigid]
+    assert kinds[2] == compliant
+    assert kinds[3][0] != "hill"
+    assert kinds[4:] == [millard, both, millard, compliant]
 
 
 @pytest.mark.ci
@@ -104,22 +211,8 @@ def test_bench_measures_every_row(tmp_path, capsys):
     said = capsys.readouterr().out
     found = json.loads((tmp_path / "bench.json").read_text())
     assert found["machine"]["processor"]
-    rows = [Row(**row) for row in found["rows"]]
-    for wanted in (
-        "hopper, learning ÷ bare physics, 16 seeds",
-        "three-state OLGARB ÷ compiled loop, 1 seed",
-        "three-state OLGARB, sweep of 10 settings × 16 seeds ÷ one setting, 160 seeds",
-        "linear recruitment of 8, OLGARB ÷ compiled loop, 1,024 seeds",
-        "natural ÷ plain step",
-        "particle with 8 local units, OLGARB ÷ compiled loop, 1 seed",
-        "particle, 20 seeds × 20 episodes, with compilation",
-        "memory of a seed",
-        "indexed ÷ all",
-        "import motorgrad",
-        "peak memory",
-        "apex",
-    ):
-        assert any(wanted in row.name for row in rows)
-    for row in rows:
-        assert row.name in said
-        assert row.ours is None or row.ours > 0
+    measured = {row["id"] for row in found["rows"]}
+    for row in speed_table():
+        assert row.quick == (row.id in measured) or f"left out, {row.id}" in said
+        assert row.id in said
+    assert all(row["ours"] is None or row["ours"] > 0 for row in found["rows"])

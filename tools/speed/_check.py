@@ -40,8 +40,8 @@ class Change:
 
 
 def check(base: str, rows: Sequence[Row], pairs: int) -> int:
-    """Compare this checkout, as it is, with a commit. **Returns** 1 if a row fell by more than its spread, or can only be
-    measured in the base; else 0."""
+    """Compare this checkout, as it is, with a commit. **Returns** 1 if a row fell by more than its spread, or failed in
+    this checkout; else 0."""
     commit, changed = present()
     print(f"new: {commit}{', with changes' * changed}; base: {git('rev-parse', '--short=8', f'{base}^{{commit}}')}")
     fallen = []

@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from tools.speed import ENVIRONMENT
+
 ROOT = Path(__file__).parents[2]
 WORKER = Path(__file__).with_name("_worker.py")
 SOURCES = ("src", "apps/timsim/src", "apps/timlab/src")
@@ -22,7 +24,7 @@ def measure(checkout: Path, row_id: str, pairs: int) -> dict[str, Any]:
     paths = os.pathsep.join(str(checkout / source) for source in SOURCES)
     done = subprocess.run(
         [sys.executable, str(WORKER), str(checkout), row_id, str(pairs)],
-        env={**os.environ, "PYTHONPATH": paths, "PYTHONSAFEPATH": "1"},
+        env={**ENVIRONMENT, "PYTHONPATH": paths, "PYTHONSAFEPATH": "1"},
         cwd=checkout,
         capture_output=True,
         text=True,

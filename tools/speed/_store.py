@@ -35,8 +35,8 @@ def stored() -> dict[str, dict[str, Any]]:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """The rows with what is stored of them, in Markdown. A row is not measured if nothing is stored of it, or figures of
-    other words, as what it compares has changed then; figures of rows that there are no longer are listed below."""
+    """The rows with what is stored of them, in Markdown. A row counts as not measured if nothing is stored of it, or
+    figures under other words, as what it compares has changed then. Figures of former rows are listed below."""
     known = stored()
     machines: dict[str, str] = {}
     lines = [f"| {' | '.join(TITLES)} |", "|---" * len(TITLES) + "|"]

@@ -36,13 +36,12 @@ def test_stacking_keeps_the_program_small():
     assert len(run._stacks.batches) == 3  # integrators; springs and dampers; sums
 
 
-def test_rows_say_what_they_measured(monkeypatch):
-    row = benchmarks.discrete_row(10, 50, 1, "≥ 1")
-    assert (row.name, row.unit, row.wanted) == ("diagram of 10 blocks, discrete", "ticks/s", "≥ 1")
-    assert row.ours > 0
+def test_figures_are_of_our_work_without_the_peer(monkeypatch):
+    found = benchmarks.discrete(10, 50, 1)
+    assert found.unit == "ticks/s"
+    assert found.ours > 0
     start = time.perf_counter()
-    assert 0 < benchmarks.compile_row(10, False, "≤ 5").ours <= time.perf_counter() - start
-    monkeypatch.setattr(benchmarks.importlib.util, "find_spec", lambda name: None)
-    row = benchmarks.peer_row(10, 50, 1, 1)
-    assert row.name == "diagram of 10 blocks, continuous (PathSim is not installed: extra peers)"
-    assert row.other is None
+    assert 0 < benchmarks.compiling(10, False).ours <= time.perf_counter() - start
+    monkeypatch.setattr(benchmarks, "installed", lambda package: False)
+    found = benchmarks.beside_peer(10, 50, 1, 1)
+    assert (found.other, found.also) == (None, "PathSim is not installed: extra peers")

@@ -240,9 +240,10 @@ def learned_heights(reward_type: Rewarded, decay: float, seeds: int, seconds: fl
     each = np.array([next(iter(decision[row > HEIGHT]), np.inf) for row in apex]) * task.period
     simulated = float(np.median(each))
     last = run.final("apex", min(1.0, 8 / apex.shape[1]))
-    also = (
-        f"{each.min():,.0f} … {each.max():,.0f} s over seeds; {took.wall * simulated / seconds:.3g} s of wall time, all seeds "
-        f"together; apex at {seconds:,.0f} s {np.median(last):.2f} m [{last.min():.2f} … {last.max():.2f}]; other: an "
-        "independent model, 0.72 m at 1,500 s"
-    )
-    return Figures(simulated, INDEPENDENT, "simulated s", pairs=((took, None),), also=also)
+    also = [
+        f"{each.min():,.0f} … {each.max():,.0f} s over seeds",
+        f"{took.wall * simulated / seconds:.3g} s of wall time, all seeds together",
+        f"apex at {seconds:,.0f} s {np.median(last):.2f} m [{last.min():.2f} … {last.max():.2f}]",
+        "other: an independent model, 0.72 m at 1,500 s",
+    ]
+    return Figures(simulated, INDEPENDENT, "simulated s", pairs=((took, None),), also="; ".join(also))

@@ -20,7 +20,7 @@ Span = tuple[float, float]
 
 @dataclasses.dataclass(frozen=True)
 class Took:
-    """A piece of work: how much of it was done, and the `wall` and processor seconds (`cpu`, of all threads) it took."""
+    """A piece of work: how much was done, and the wall and processor seconds (`cpu`, of all threads) that it took."""
 
     amount: float
     wall: float
@@ -29,8 +29,8 @@ class Took:
 
 @dataclasses.dataclass(frozen=True)
 class Figures:
-    """What a row of the speed table found: `ours` and `other` in `unit`, by wall time, and their ratio, by wall time and
-    by processor time. Machines drift in speed, so ratios are taken of pairs measured one after the other, with the
+    """What a row of the speed table found: `ours` and `other` in `unit`, by wall time, and their ratio, by wall time
+    and by processor time. Machines drift in speed, so ratios are taken of pairs measured one after the other, with the
     least and the greatest (`spread`); single figures are medians.
 
     - `pairs`: what ours and the other took, where both were timed; of some rows there is only ours, or none.
@@ -141,9 +141,9 @@ def first_decision(train: list[str], warm: bool, runs: int = 3) -> Figures:
     pairs: list[tuple[Took, Took | None]] = []
     with tempfile.TemporaryDirectory() as folder:
         for run in range(-warm, runs):  # a warm cache is filled by a run that does not count
-            place = Path(folder)
-            cache = kept_in(place / ("cache" if warm else f"cache {run}"))
-            took = timed(lambda run=run, cache=cache: interpret([*words, str(place / f"run {run}")], cache))
+            cache = kept_in(Path(folder) / ("cache" if warm else f"cache {run}"))
+            command = [*words, str(Path(folder) / f"run {run}")]
+            took = timed(lambda command=command, cache=cache: interpret(command, cache))
             if run >= 0:
                 pairs.append((took, None))
     return figures("s", pairs)

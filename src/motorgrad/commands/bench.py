@@ -35,8 +35,8 @@ def run(arguments: list[str]) -> int:
         return 0
     where = provenance()
     console.print(
-        f"{where['processor']}, {where['cores']} cores; medians, ratios of pairs run in turn [least … greatest], by wall "
-        "time and by processor time",
+        f"{where['processor']}, {where['cores']} cores; medians, ratios of pairs run in turn [least … greatest], by "
+        "wall time and by processor time",
         markup=False,
     )
     for extra in ("sim", "lab"):
