@@ -3,5 +3,5 @@
 import os
 
 ENVIRONMENT = dict(os.environ)
-"""The variables as this command was given them: importing motorgrad sets some, such as options of the compiler, and what
-one commit sets must not reach the processes of another."""
+"""The variables as this command was given them. Importing motorgrad sets some, such as options of the compiler, and
+what one commit sets must not reach the processes of another."""

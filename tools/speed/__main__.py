@@ -67,8 +67,9 @@ def measured(asked: Sequence[Row], rows: Sequence[Row]) -> int:
         try:
             found = measure(ROOT, row.id, PAIRS)
         except Failed as failure:
-            found = {"missing": f"failed: {failure}"}
+            print(f"{row.id}: failed: {failure}", flush=True)
             failed = 1
+            continue
         if "missing" in found:
             print(f"{row.id}: not measured: {found['missing']}", flush=True)
             continue

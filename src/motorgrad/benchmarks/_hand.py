@@ -16,6 +16,12 @@ import motorgrad as mg
 task = mg.tasks.myosuite("{hand}")
 mg.train(task, mg.presets.sac(task, steps={steps}), steps={before}, seeds=1, progress=False)
 """
+ONE_DECISION = """
+import motorgrad as mg
+task = mg.tasks.myosuite("{task}", actions="{actions}")
+mg.train(task, mg.presets.{preset}(task, steps=1_000), steps=1, progress=False)
+"""
+"""A first decision of a preset in a task of MyoSuite, which `motorgrad train` does not know by an id."""
 
 
 def learning(decisions: int, pairs: int) -> Figures:

@@ -134,16 +134,15 @@ def started(arguments: list[str], runs: int = 7) -> Figures:
     return in_turn("s", 1, lambda: interpret(arguments), lambda: interpret(IDLE), pairs=runs, also="other: an idle one")
 
 
-def first_decision(train: list[str], warm: bool, runs: int = 3) -> Figures:
-    """Seconds of `motorgrad train` with these words for one decision: with everything compiled anew, or with what JAX
-    compiled for an earlier process, from its cache."""
-    words = ["-m", "motorgrad", "train", *train, "--steps", "1", "--out"]
+def first_decision(command: Callable[[Path], list[str]], warm: bool, runs: int = 3) -> Figures:
+    """Seconds of a new interpreter that trains for one decision, by a command of the folder that it may write: with
+    everything compiled anew, or with what JAX compiled for an earlier process, from its cache (`warm`)."""
     pairs: list[tuple[Took, Took | None]] = []
     with tempfile.TemporaryDirectory() as folder:
         for run in range(-warm, runs):  # a warm cache is filled by a run that does not count
             cache = kept_in(Path(folder) / ("cache" if warm else f"cache {run}"))
-            command = [*words, str(Path(folder) / f"run {run}")]
-            took = timed(lambda command=command, cache=cache: interpret(command, cache))
+            words = command(Path(folder) / f"run {run}")
+            took = timed(lambda words=words, cache=cache: interpret(words, cache))
             if run >= 0:
                 pairs.append((took, None))
     return figures("s", pairs)

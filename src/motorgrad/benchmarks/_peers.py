@@ -3,6 +3,8 @@
 # pyright: reportMissingImports=false
 # (SBX belongs to no extra: it is installed for these rows alone)
 
+from typing import Any
+
 import gymnasium
 
 from motorgrad._extras import MissingExtra, installed
@@ -27,8 +29,9 @@ def learning(preset: str, batches: int, pairs: int) -> Figures:
     from sbx import PPO
 
     task = from_gymnasium(ENVIRONMENT)
-    agent = agent_for(task, preset=preset, steps=100 * BATCH)
+    agent: Any = agent_for(task, preset=preset, steps=100 * BATCH)
     own = agent.estimator.update_every if isinstance(agent, Agent) else agent.update_every
+    assert isinstance(own, int), "the presets have batches of a fixed length"
     theirs = batches * BATCH
     decisions = theirs // own * own
     ours = stepper_for(task, agent, [0])

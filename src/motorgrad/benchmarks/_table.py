@@ -1,5 +1,8 @@
 """The library's rows: what each is called, how much work it is, and what it is to reach."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 from motorgrad._extras import require
 from motorgrad.benchmarks import _bodies, _hand, _learners, _measure, _networks, _peers
 from motorgrad.benchmarks._arm18 import reach18
@@ -8,6 +11,7 @@ from motorgrad.benchmarks._rows import Goal, Row
 from motorgrad.tasks import Hexapod, HexapodSynergy, Hopper, from_gymnasium
 
 FINGER = "myoFingerPoseRandom-v0"
+TRAIN_ONE = ("-m", "motorgrad", "train", "hopper", "--steps", "1", "--out")
 
 
 def rows() -> list[Row]:
@@ -161,18 +165,21 @@ def _of_peers() -> list[Row]:
 
 
 def _of_processes() -> list[Row]:
-    def first(train: list[str], warm: bool):
+    def first(command: Callable[[Path], list[str]], needed: str, warm: bool):
         def measure(quick: bool, pairs: int) -> Figures:
-            if train[0].startswith("myo"):
-                require(*_bodies.SUITE)
-            return _measure.first_decision(train, warm, min(pairs, 3))
+            if needed:
+                require("this row needs", needed, needed)
+            return _measure.first_decision(command, warm, min(pairs, 3))
 
         return measure
 
+    suite = "myosuite"
+    finger = _hand.ONE_DECISION.format(task=FINGER, actions="binary", preset="natural")
+    hand = _hand.ONE_DECISION.format(task=_hand.HAND, actions="continuous", preset="sac")
     starts = (
-        ("hopper", "motorgrad train hopper", ["hopper"]),
-        ("finger", f"natural on {FINGER}", [FINGER, "--preset", "natural"]),
-        ("hand", f"sac on {_hand.HAND}", [_hand.HAND, "--preset", "sac"]),
+        ("hopper", "motorgrad train hopper", lambda out: [*TRAIN_ONE, str(out)], ""),
+        ("finger", f"natural on {FINGER}", lambda out: ["-c", finger], suite),
+        ("hand", f"sac on {_hand.HAND}", lambda out: ["-c", hand], suite),
     )
     heights = _bodies.learned_heights
     return [
@@ -192,10 +199,10 @@ def _of_processes() -> list[Row]:
             Row(
                 f"first-{short}-{'warm' if warm else 'cold'}",
                 f"first decision, {words}, {'warm' if warm else 'cold'} compilation cache",
-                first(train, warm),
+                first(command, needed, warm),
                 quick=False,
             )
-            for short, words, train in starts
+            for short, words, command, needed in starts
             for warm in (False, True)
         ),
         Row(
