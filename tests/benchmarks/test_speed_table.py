@@ -161,7 +161,7 @@ def test_the_rows_of_tendons_compare_muscles_of_one_body(monkeypatch):
     for row in chosen(speed_table(), ["tendons-arm6-*"]):
         row.measure(True, 1)
     kinds = [(body.muscle_model, body.tendon, body.curves) for body in stepped]
-    compliant, rigid = (("hill", tendon, "degroote") for tendon in ("compliant", "rigid"))
+    compliant, rigid = (("hill", tendon, "de-groote") for tendon in ("compliant", "rigid"))
     millard, both = (("hill", tendon, "millard") for tendon in ("compliant", "rigid"))
     assert kinds[0:2] == [compliant, rigid]
     assert kinds[2] == compliant
