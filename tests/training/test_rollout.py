@@ -220,6 +220,24 @@ def test_a_policy_acts_for_all_seeds(ring):
     np.testing.assert_array_equal(table["action"], mg.rollout(ring, steps=30, seeds=[1])["action"])
 
 
+def test_demonstrations_are_the_decisions_with_what_was_seen(steps, maze):
+    table = mg.rollout(maze, steps=50)
+    shown = table.demonstrations()
+    assert len(shown) == 3 * 50
+    acted = np.isfinite(table["action"])
+    np.testing.assert_array_equal(shown.actions, table["action"][acted])
+    assert np.issubdtype(shown.actions.dtype, np.integer)
+    np.testing.assert_array_equal(shown.observations, table["observation"][acted])
+    lengths = [np.isfinite(table.of(*each)["action"]).sum() for each in table.episodes()]
+    assert [len(seen) for seen, _ in shown.by_episode()] == lengths
+    shown = steps.demonstrations()  # of two seeds; of the physics' steps those in which it decides
+    assert shown.actions.shape == (24, len(steps.names("action")))
+    np.testing.assert_array_equal(np.bincount(shown.episodes), [10, 2, 10, 2])
+    family = "input" if any(name.startswith("input: ") for name in steps.columns) else "observation"
+    assert shown.observations.shape == (24, len(steps.names(family)))
+    assert np.isfinite(shown.observations).all()
+
+
 def test_files_give_back_the_same_numbers(steps, tmp_path):
     table = steps.of(seed=1, episode=0)
     table.save(tmp_path / "new" / "reach.parquet")

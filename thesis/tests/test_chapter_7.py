@@ -7,10 +7,11 @@ from motorgrad.worlds import chain, episodes, oracle
 from motorgrad_thesis import EXPERIMENTS, reproduce
 from motorgrad_thesis.chapter_7.section_7_3_bayesian_monte_carlo import WORLDS, estimates, sample
 
-NAMES = ("sec-7.3-models", "sec-7.3-bayesian-monte-carlo", "sec-7.3-forgetting")
+NAMES = ("sec-7.1-imitation", "sec-7.3-models", "sec-7.3-bayesian-monte-carlo", "sec-7.3-forgetting")
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:the log-likelihood of the decisions held out")  # few are demonstrated
 @pytest.mark.parametrize("name", NAMES)
 def test_each_leaves_a_figure_and_claims(name, tmp_path):
     found = reproduce(EXPERIMENTS[name].quick(), tmp_path, quick=True, progress=False)
@@ -45,6 +46,8 @@ def test_equal_returns_say_nothing():
 @pytest.mark.parametrize(
     ("name", "setting", "named"),
     [
+        ("sec-7.1-imitation", {"episodes": (3, 1)}, "episodes = "),
+        ("sec-7.1-imitation", {"rounds": 3}, "rounds = 3"),
         ("sec-7.3-forgetting", {"lengths": (28, 12)}, "lengths = "),
         ("sec-7.3-forgetting", {"memory": 3}, "memory = 3"),
         ("sec-7.3-bayesian-monte-carlo", {"numbers": (20, 5)}, "numbers = "),

@@ -28,6 +28,7 @@ from motorgrad.learning._conjugate import ConjugateGradient
 from motorgrad.learning._conjugate_ascent import ConjugateAscent
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, TemporalDifference
 from motorgrad.learning._critics import Critic, CriticState, Features, LinearCritic, NetworkCritic
+from motorgrad.learning._demonstrations import Demonstrations
 from motorgrad.learning._estimator import Estimator, EstimatorState, entropy_gradient
 from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._gradient_learner import (
@@ -37,6 +38,7 @@ from motorgrad.learning._gradient_learner import (
     transformations_field,
 )
 from motorgrad.learning._gradients import gradient_of
+from motorgrad.learning._imitation import Imitation, imitate
 from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
 from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
 from motorgrad.learning._learned_step import LearnedStep, LearnedStepState
@@ -112,6 +114,7 @@ __all__ = [
     "CriticState",
     "CriticStep",
     "Decision",
+    "Demonstrations",
     "Discounted",
     "Drawn",
     "EligibilityBaseline",
@@ -134,6 +137,7 @@ __all__ = [
     "Growth",
     "GrowthState",
     "Hindsight",
+    "Imitation",
     "IndexState",
     "InputBaseline",
     "IntentionalStep",
@@ -206,6 +210,7 @@ __all__ = [
     "gae",
     "gpomdp",
     "gradient_of",
+    "imitate",
     "inner",
     "measured",
     "number",

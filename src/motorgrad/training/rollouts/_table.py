@@ -13,6 +13,7 @@ import pyarrow.compute as pc
 
 from motorgrad._errors import counted, unknown
 from motorgrad._extras import require
+from motorgrad.learning import Demonstrations
 from motorgrad.training.rollouts._saving import save
 
 if TYPE_CHECKING:
@@ -119,6 +120,19 @@ class Rollout:
         found = self.arrow.to_pandas()
         found.attrs["units"] = self.units
         return found
+
+    def demonstrations(self) -> Demonstrations:
+        """The decisions as demonstrations, which `motorgrad.learning.imitate` learns from: what the policies saw, as
+        the task scales it, and what they did. With running statistics of observations, the scale is that of each
+        policy. **Raises** `ValueError` for a table without decisions."""
+        inputs = any(name.startswith("input: ") for name in self.columns)
+        seen = self["input" if inputs else "observation"]
+        discrete = "action" in self.columns
+        done = self["action"]
+        made = np.isfinite(done if discrete else done[:, 0])
+        begins = (np.diff(self["seed"]) != 0) | (np.diff(self["episode"]) != 0)
+        episodes = np.append(0, np.cumsum(begins))[: len(self)]
+        return Demonstrations(seen[made], done[made].astype(int) if discrete else done[made], episodes[made])
 
     def save(self, path: Path | str) -> Path:
         """Write the table to a file, whose ending says in which format: `.parquet`, where the metadata of its fields
