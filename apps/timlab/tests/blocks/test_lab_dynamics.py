@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.signal
 from block_driver import answer, drive, of
 
@@ -104,6 +105,53 @@ def test_matrices_that_do_not_fit_are_refused_by_name():
     ):
         with pytest.raises(ValueError, match=message):
             of("transfer function", **settings)
+
+
+MOVING = {"a": ((1.0, 0.1), (0.0, 0.95)), "b": (0.0, 0.1), "c": (1.0, 0.0)}
+NOISE = {"q": ((1e-3, 2e-4), (2e-4, 4e-3)), "r": 0.02}
+
+
+def test_the_gain_of_a_kalman_filter_goes_to_that_of_riccatis_equation():
+    a, c = np.array(MOVING["a"]), np.array([MOVING["c"]])
+    before = scipy.linalg.solve_discrete_are(a.T, c.T, np.array(NOISE["q"]), np.array([[NOISE["r"]]]))
+    gain = before @ c.T / (c @ before @ c.T + NOISE["r"])
+    after = before - gain @ c @ before
+    found = drive(of("kalman filter", **MOVING, **NOISE), 200, y=U)
+    np.testing.assert_allclose(found["deviation"][-1], np.sqrt(np.diag(after)), rtol=1e-4)
+    u, x = U[-50:], found["x"][-50:]
+    predicted = x[:-1] @ a.T
+    np.testing.assert_allclose(x[1:], predicted + (u[1:, None] - predicted @ c.T) * gain[:, 0], atol=1e-4)
+
+
+def test_a_kalman_filter_tracks_better_than_it_is_told_and_goes_on_by_its_model_while_nothing_is_sensed():
+    a, b = np.array(MOVING["a"]), np.array(MOVING["b"])
+    pushes = np.sin(np.arange(400) / 20)
+    states = np.zeros((400, 2))
+    shaken = RNG.multivariate_normal(np.zeros(2), NOISE["q"], 400)
+    for t in range(399):
+        states[t + 1] = a @ states[t] + b * pushes[t] + shaken[t]
+    seen = states[:, 0] + np.sqrt(NOISE["r"]) * RNG.normal(size=400)
+    sensed = np.arange(400) < 360
+    found = drive(of("kalman filter", **MOVING, **NOISE), 400, y=np.where(sensed, seen, 1e6), u=pushes, sensed=sensed)
+    errors = found["x"] - states
+    assert np.std(errors[20:360, 0]) < 0.7 * np.std((seen - states[:, 0])[20:360])
+    assert 0.8 < np.std(errors[20:360] / found["deviation"][20:360]) < 1.2  # as certain as it should be
+    alone = found["x"][359]
+    for t in range(359, 399):
+        alone = a @ alone + b * pushes[t]
+    np.testing.assert_allclose(found["x"][-1], alone, rtol=1e-3, atol=1e-4)
+    assert np.all(np.diff(found["deviation"][359:, 0]) > 0)
+
+
+def test_noise_that_is_no_covariance_is_refused():
+    for settings, message in (
+        ({"r": 0.0}, "r = 0.0: must be variances above 0"),
+        ({"q": -1.0}, "q = -1.0: must be variances of 0 or above"),
+        ({"q": ((1.0, 0.5), (0.0, 1.0))}, "q = .*: must be the same in rows and columns"),
+        ({"uncertainty": (1.0, 2.0, 3.0)}, "uncertainty: shape"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            of("kalman filter", **MOVING, **settings)
 
 
 def test_lag_is_exponential():

@@ -14,6 +14,7 @@ from timlab.blocks._control import Quantiser as Quantiser
 from timlab.blocks._control import RateLimit as RateLimit
 from timlab.blocks._control import Relay as Relay
 from timlab.blocks._control import Saturation as Saturation
+from timlab.blocks._filters import KalmanFilter as KalmanFilter
 from timlab.blocks._friction import DryFriction as DryFriction
 from timlab.blocks._linear import Delay as Delay
 from timlab.blocks._linear import DiscreteIntegrator as DiscreteIntegrator
