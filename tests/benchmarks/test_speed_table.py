@@ -121,7 +121,7 @@ def test_bench_lists_rows_and_refuses_unknown_ones(capsys):
     assert main(["bench", "--list", "--rows", "hopper-*"]) == 0
     listed = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in listed] == ["hopper-16", "hopper-1"]
-    assert listed[0].endswith("hopper, learning ÷ bare physics, 16 seeds   wanted ≥ 0.8")
+    assert listed[0].endswith("hopper, learning ÷ bare physics, 16 seeds   wanted ≥ 0.96")
     assert main(["bench", "--rows", "hoper-1"]) == 2
 
 

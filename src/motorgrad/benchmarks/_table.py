@@ -11,6 +11,8 @@ from motorgrad.benchmarks._rows import Goal, Row
 from motorgrad.tasks import Hexapod, HexapodSynergy, Hopper, from_gymnasium
 
 FINGER = "myoFingerPoseRandom-v0"
+WARM = 2
+"""Seconds in which a program decides for the first time that finds what it needs compiled."""
 TRAIN_ONE = ("-m", "motorgrad", "train", "hopper", "--steps", "1", "--out")
 
 
@@ -32,16 +34,16 @@ def _of_bodies() -> list[Row]:
     bare = "learning ÷ bare physics"
     arm = "composed reach, arm of 18 muscles"
     return [
-        Row("hopper-16", f"hopper, {bare}, 16 seeds", body(Hopper, 16, 50, 1500), Goal(0.8)),
-        Row("hopper-1", f"hopper, {bare}, 1 seed", body(Hopper, 1, 100, 8000), Goal(0.65)),
+        Row("hopper-16", f"hopper, {bare}, 16 seeds", body(Hopper, 16, 50, 1500), Goal(0.96)),
+        Row("hopper-1", f"hopper, {bare}, 1 seed", body(Hopper, 1, 100, 8000), Goal(0.8)),
         Row(
             "hexapod-synergies", f"hexapod on synergies, {bare}, 16 seeds", body(HexapodSynergy, 16, 20, 640), Goal(0.9)
         ),
-        Row("hexapod-muscles", f"hexapod on 24 muscles, {bare}, 16 seeds", body(Hexapod, 16, 20, 640), Goal(0.9)),
+        Row("hexapod-muscles", f"hexapod on 24 muscles, {bare}, 16 seeds", body(Hexapod, 16, 20, 640), Goal(0.95)),
         Row("reach-olgarb", f"{arm}, OLGARB, {bare}, 16 seeds", reach("olgarb"), Goal(0.85)),
-        Row("reach-natural", f"{arm}, preset natural, {bare}, 16 seeds", reach("natural")),
+        Row("reach-natural", f"{arm}, preset natural, {bare}, 16 seeds", reach("natural"), Goal(0.7)),
         Row("finger-olgarb", f"{FINGER}, OLGARB, {bare}, 16 seeds", finger("olgarb"), Goal(0.85)),
-        Row("finger-natural", f"{FINGER}, preset natural, {bare}, 16 seeds", finger("natural")),
+        Row("finger-natural", f"{FINGER}, preset natural, {bare}, 16 seeds", finger("natural"), Goal(0.75)),
         Row(
             "finger-own-step",
             f"{FINGER}, MyoSuite's own step ÷ mj_step",
@@ -51,6 +53,7 @@ def _of_bodies() -> list[Row]:
             "hand-sac",
             f"{_hand.HAND}, preset sac, {bare}, 1 seed",
             lambda quick, pairs: _hand.learning(400, pairs),
+            Goal(0.75),
             quick=False,
         ),
     ]
@@ -90,7 +93,7 @@ def _of_worlds() -> list[Row]:
     three_states = _learners.three_states
     recruitment = _learners.recruitment
     return [
-        Row("three-states-1", f"{states} ÷ compiled loop, 1 seed", work(three_states, 1, 10_000, 2_000_000), Goal(0.4)),
+        Row("three-states-1", f"{states} ÷ compiled loop, 1 seed", work(three_states, 1, 10_000, 2_000_000), Goal(0.8)),
         Row(
             "three-states-1024",
             f"{states} ÷ compiled loop, 1,024 seeds",
@@ -103,11 +106,16 @@ def _of_worlds() -> list[Row]:
             lambda quick, pairs: _learners.sweep(10 if quick else 100, 16, 100 if quick else 4000, pairs),
             Goal(0.9),
         ),
-        Row("recruitment-1", f"{eight}, 1 seed", work(recruitment, 1, 10_000, 1_000_000), Goal(0.35)),
+        Row("recruitment-1", f"{eight}, 1 seed", work(recruitment, 1, 10_000, 1_000_000), Goal(0.95)),
         Row("recruitment-1024", f"{eight}, 1,024 seeds", work(recruitment, 1024, 100, 2000), Goal(0.8)),
-        Row("recruitment-natural-1", f"{sixteen}, 1 seed", work(_learners.natural_step, 1, 5_000, 300_000)),
-        Row("recruitment-natural-1024", f"{sixteen}, 1,024 seeds", work(_learners.natural_step, 1024, 50, 500)),
-        Row("particle-1", f"{local}, 1 seed", work(_learners.particle, 1, 5_000, 300_000), Goal(0.2)),
+        Row("recruitment-natural-1", f"{sixteen}, 1 seed", work(_learners.natural_step, 1, 5_000, 300_000), Goal(0.6)),
+        Row(
+            "recruitment-natural-1024",
+            f"{sixteen}, 1,024 seeds",
+            work(_learners.natural_step, 1024, 50, 500),
+            Goal(0.6),
+        ),
+        Row("particle-1", f"{local}, 1 seed", work(_learners.particle, 1, 5_000, 300_000), Goal(0.7)),
         Row("particle-1024", f"{local}, 1,024 seeds", work(_learners.particle, 1024, 50, 1000), Goal(0.8)),
         Row(
             "particle-episodes",
@@ -137,16 +145,19 @@ def _of_environments() -> list[Row]:
             "env-vector",
             f"{env_id}, vector of 16 ÷ bare physics",
             lambda quick, pairs: _bodies.vector(16, 20 if quick else 1500, pairs),
+            Goal(0.9),
         ),
         Row(
             "env-single",
             f"{env_id}, single ÷ mj_step",
             lambda quick, pairs: _bodies.single(50 if quick else 5000, pairs),
+            Goal(0.75),
         ),
         Row(
             "cartpole",
             "CartPole-v1, learning ÷ bare environments, 10 seeds",
             lambda quick, pairs: _bodies.foreign(10, 50 if quick else 5000, pairs),
+            Goal(0.75),
         ),
         Row("shared-pendulum", f"Pendulum-v1, {ends}", shared(lambda: from_gymnasium("Pendulum-v1"), 500)),
         Row("shared-hopper", f"hopper, {ends}", shared(Hopper, 500)),
@@ -159,6 +170,8 @@ def _of_peers() -> list[Row]:
             f"{_peers.SHORT}-{preset}",
             f"{_peers.ENVIRONMENT}, preset {preset} ÷ PPO of SBX, 1 seed",
             lambda quick, pairs, preset=preset: _peers.learning(preset, 1 if quick else 4, 1 if quick else pairs),
+            Goal(2),
+            quick=False,
         )
         for preset in _peers.PRESETS
     ]
@@ -177,9 +190,9 @@ def _of_processes() -> list[Row]:
     finger = _hand.ONE_DECISION.format(task=FINGER, actions="binary", preset="natural")
     hand = _hand.ONE_DECISION.format(task=_hand.HAND, actions="continuous", preset="sac")
     starts = (
-        ("hopper", "motorgrad train hopper", lambda out: [*TRAIN_ONE, str(out)], ""),
-        ("finger", f"natural on {FINGER}", lambda out: ["-c", finger], suite),
-        ("hand", f"sac on {_hand.HAND}", lambda out: ["-c", hand], suite),
+        ("hopper", "motorgrad train hopper", lambda out: [*TRAIN_ONE, str(out)], "", 5),
+        ("finger", f"natural on {FINGER}", lambda out: ["-c", finger], suite, 10),
+        ("hand", f"sac on {_hand.HAND}", lambda out: ["-c", hand], suite, 15),
     )
     heights = _bodies.learned_heights
     return [
@@ -200,21 +213,23 @@ def _of_processes() -> list[Row]:
                 f"first-{short}-{'warm' if warm else 'cold'}",
                 f"first decision, {words}, {'warm' if warm else 'cold'} compilation cache",
                 first(command, needed, warm),
+                Goal(WARM if warm else cold, "s", at_most=True),
                 quick=False,
             )
-            for short, words, command, needed in starts
+            for short, words, command, needed, cold in starts
             for warm in (False, True)
         ),
         Row(
             "memory-hoppers",
             "peak memory, 16 hoppers",
             lambda quick, pairs: _measure.peak_of(_measure.HOPPERS),
-            Goal(1.5, "GB", at_most=True),
+            Goal(0.4, "GB", at_most=True),
         ),
         Row(
             "memory-hand-sac",
             f"peak memory, sac on {_hand.HAND}",
             lambda quick, pairs: _hand.memory(),
+            Goal(0.8, "GB", at_most=True),
             quick=False,
         ),
         Row(

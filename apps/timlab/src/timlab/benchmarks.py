@@ -77,6 +77,7 @@ def rows() -> list[Row]:
             "first-tick-timlab",
             "import timlab, and the first tick of the diagram chain, in a new process",
             lambda quick, pairs: started(["-c", FIRST_TICK], min(pairs, 3)),
+            Goal(1.5, "s", at_most=True),
             quick=False,
         ),
     ]

@@ -25,7 +25,7 @@ def rows() -> list[Row]:
             f"watched-{name}",
             f"{name}, watched by a client ÷ headless, 1 seed",
             lambda quick, pairs, name=name: watched(name, 0.5 if quick else 5.0, 1 if quick else pairs),
-            Goal(0.9),
+            Goal(0.95),
         )
         for name in ("hopper", "hexapod")
     ]
