@@ -17,6 +17,7 @@ from motorgrad_thesis.chapter_6.section_6_4.figure_6_8 import INDEPENDENT, WITHI
 from motorgrad_thesis.chapter_6.section_6_4.figure_6_9 import Orbits
 from motorgrad_thesis.chapter_6.section_6_4.section_6_4_criteria import WAYS, Criteria
 from motorgrad_thesis.chapter_6.section_6_4.section_6_4_placement import Placement
+from motorgrad_thesis.chapter_6.section_6_5.bodies import BODIES, KINDS, LocalBodies
 from motorgrad_thesis.chapter_6.section_6_5.hierarchy import (
     POLICY_LABELS,
     Hierarchy,
@@ -329,6 +330,35 @@ def test_the_claims_about_hoppers_can_come_out_either_way():
     assert all(claim.holds for claim in LocalHopper().claims(hoppers(0.85, 0.9)))
     holds = [claim.holds for claim in LocalHopper().claims(hoppers(0.09, 0.02))]
     assert holds == [False] * 13
+
+
+# --- arm and hexapod ---
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", BODIES)
+def test_every_unit_drives_one_action_and_every_action_has_units(name, kind):
+    task, learner = LocalBodies(grown=12).learner(name, kind)
+    units = {"planes": BODIES[name].actions, "tiled": BODIES[name].actions * 2 ** BODIES[name].inputs, "grown": 12}[
+        kind
+    ]
+    assert (task.observation_size, task.action_size) == (BODIES[name].inputs, units)
+    assert learner.first_policy(jax.random.key(0)).outputs == units
+
+
+def bodies(planes, tiled, grown):
+    """The arm's distances and the hexapod's speeds where both do equally well, starting from nothing."""
+    chance = 0.01 * np.random.default_rng(7).random((20, 1))
+    found = {"decision": np.linspace(300, 30_000, 100)}
+    for kind, end in {"planes": planes, "tiled": tiled, "grown": grown}.items():
+        does = np.linspace(0, end, 100) + chance
+        found |= {f"arm {kind}": 1 - does, f"hexapod {kind}": does}
+    return found
+
+
+def test_the_claims_about_an_arm_and_a_hexapod_can_come_out_either_way():
+    assert all(claim.holds for claim in LocalBodies().claims(bodies(0.3, 0.4, 0.5)))
+    assert not any(claim.holds for claim in LocalBodies().claims(bodies(0.3, -0.1, -0.2)))
 
 
 # --- figure A.2 ---

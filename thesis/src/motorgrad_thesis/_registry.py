@@ -93,6 +93,7 @@ MODULES = (
     "chapter_6.section_6_5.navigation",
     "chapter_6.section_6_5.spatial_index",
     "chapter_6.section_6_5.local_hopper",
+    "chapter_6.section_6_5.bodies",
     "chapter_7.section_7_1_imitation",
     "chapter_7.section_7_3_models",
     "chapter_7.section_7_3_bayesian_monte_carlo",
