@@ -6,12 +6,14 @@ import sys
 import pytest
 
 HEAVY = ("jax", "mujoco", "matplotlib", "pyarrow", "numba", "equinox", "optax", "rich", "numpy", "onnx", "fmpy")
-TELL = f"; import sys; print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)"
+# What only some tasks and methods compute with, and training does not wait for.
+RARE = ("scipy", "gymnasium", "numba", "matplotlib", "evosax", "tinygp")
 
 
-def loaded(code, environment):
-    """The heavy libraries that some code has loaded by its end."""
-    done = subprocess.run([sys.executable, "-c", code + TELL], capture_output=True, text=True, env=environment)
+def loaded(code, environment, names=HEAVY):
+    """The libraries of these names that some code has loaded by its end."""
+    tell = f"; import sys; print([name for name in {names} if name in sys.modules], file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", code + tell], capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
     return done.stderr.strip().splitlines()[-1]
 
@@ -29,6 +31,10 @@ def loaded(code, environment):
 )
 def test_nothing_heavy_is_loaded(code, process_environment):
     assert loaded(code, process_environment) == "[]"
+
+
+def test_training_loads_no_library_that_only_some_tasks_and_methods_need(process_environment):
+    assert loaded("import motorgrad.options", process_environment, RARE) == "[]"
 
 
 @pytest.mark.parametrize(

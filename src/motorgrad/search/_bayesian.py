@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import numpy.typing as npt
 from jaxtyping import Float
-from scipy.stats import qmc
 
 from motorgrad._errors import check
 from motorgrad._extras import require
@@ -93,6 +92,8 @@ class BayesianOptimisation(WithCandidates):
 
         size = len(state["start"])
         if np.isfinite(state["scores"]).sum() < self.initial:
+            from scipy.stats import qmc  # loading it would slow down every command's start
+
             places = qmc.LatinHypercube(size, rng=random).random(self.candidates)
             if not len(state["scores"]):
                 places[0] = state["start"]

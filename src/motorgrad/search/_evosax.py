@@ -14,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from jaxtyping import Float, PyTree
-from scipy.stats import rankdata
 
 from motorgrad._errors import check
 from motorgrad._extras import require
@@ -139,6 +138,8 @@ class EvolutionStrategy(_Evosax):
         return self.population
 
     def _costs(self, scores: Float[np.ndarray, " batch"]) -> Float[np.ndarray, " batch"]:
+        from scipy.stats import rankdata  # loading it would slow down every command's start
+
         return (rankdata(scores) - 1) / (len(scores) - 1) - 0.5
 
     def _strategy(self, size: int) -> tuple[Any, Any]:

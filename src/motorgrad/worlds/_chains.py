@@ -4,8 +4,6 @@ import warnings
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import LinAlgWarning, lu_factor, lu_solve
-from scipy.sparse.csgraph import connected_components
 
 from motorgrad._errors import check
 
@@ -59,6 +57,8 @@ def departures(matrix: np.ndarray) -> np.ndarray:
 
 def solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """A linear system, refined by its residual in extended precision. **Raises** as `solved`."""
+    from scipy.linalg import LinAlgWarning, lu_factor, lu_solve  # loading it would slow down every command's start
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LinAlgWarning)  # of a singular matrix: what comes of it is not finite
         factors = lu_factor(matrix)
@@ -88,6 +88,8 @@ def _checked(found: np.ndarray) -> np.ndarray:
 
 def recurrent(matrix: np.ndarray) -> list[np.ndarray]:
     """The states of each closed recurrent class."""
+    from scipy.sparse.csgraph import connected_components
+
     count, of = connected_components(matrix > 0, connection="strong")
     leaving = {of[i] for i, j in zip(*np.nonzero(matrix), strict=True) if of[i] != of[j]}
     return [np.flatnonzero(of == each) for each in range(count) if each not in leaving]

@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
-from scipy.integrate import solve_ivp
 
 from motorgrad._errors import check
 from motorgrad._groups import by_group, check_groups
@@ -153,6 +152,8 @@ def mean_field(
     **Raises:** `ValueError` for times that do not ascend, for a rate that is negative, infinite or not a number, a
     field without a rate, or a rate without a field.
     """
+    from scipy.integrate import solve_ivp  # loading it would slow down every command's start
+
     times = np.asarray(decisions, float)
     ascending = times.ndim == 1 and len(times) > 0 and times[0] >= 0 and (np.diff(times) > 0).all()
     check(ascending and np.isfinite(times[-1]), "decisions", times.tolist(), "ascending finite numbers of at least 0")

@@ -28,8 +28,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int, PyTree
-from scipy.optimize import minimize
-from scipy.special import softmax
 
 from motorgrad._errors import check, check_integer, choice
 from motorgrad.policies import FiniteStateController, Policy, abilities, split, trainable
@@ -320,6 +318,9 @@ def best_memoryless(mdp: FiniteMDP, starts: int = 20) -> tuple[Float[np.ndarray,
 
     **Returns** the table, its rows in the order of `np.unique(mdp.observations, axis=0)`, and its average reward.
     """
+    from scipy.optimize import minimize  # loading it would slow down every command's start
+    from scipy.special import softmax
+
     check_integer("starts", starts, 1)
     kinds, kind = np.unique(mdp.observations, axis=0, return_inverse=True)
     shape = (len(kinds), mdp.actions)

@@ -6,7 +6,6 @@
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtri
 
 from motorgrad._errors import check, unknown
 from motorgrad._random import MIN_UNIFORM
@@ -77,6 +76,8 @@ class Noise(Reset):
     velocity: float = number(0.0, 0, unit="rad/s or m/s", help="standard deviation of the noise of velocities")
 
     def bind(self, scene: Scene) -> BoundReset:
+        from scipy.special import ndtri  # loading it would slow down every command's start
+
         names, places = scene.positions(self.joints)
         speeds = scene.velocities(self.joints)[1]
         check(len(places) == len(speeds), "joints", names, "hinges and slides")

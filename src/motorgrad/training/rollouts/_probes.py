@@ -1,15 +1,17 @@
 """What is read from dynamics on the host at every decision, beside what the task sees: bodies and environments."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-import gymnasium
 import numpy as np
 
 from motorgrad.bodies import BodyReader, Column, joint_columns
 from motorgrad.tasks import Gymnasium, Task
 from motorgrad.tasks.gymnasium._outcomes import one_number
 from motorgrad.training.engines import BodyStepper, HostStepper, Stepper
+
+if TYPE_CHECKING:
+    import gymnasium
 
 
 class Read(NamedTuple):
@@ -93,7 +95,7 @@ class EnvironmentProbe:
 class _Tap:
     """An environment that remembers the first action of a decision, where it was before, and the last `info`."""
 
-    def __init__(self, environment: gymnasium.Env[Any, Any]):
+    def __init__(self, environment: "gymnasium.Env[Any, Any]"):
         self.env = environment
         self.fresh = True
         self.action: Any = 0.0
@@ -124,7 +126,7 @@ class _Tap:
         return np.concatenate([np.ravel(found[1].qpos), np.ravel(found[1].qvel)])
 
 
-def _mujoco(environment: gymnasium.Env[Any, Any]) -> tuple[Any, Any] | None:
+def _mujoco(environment: "gymnasium.Env[Any, Any]") -> tuple[Any, Any] | None:
     """MuJoCo's model and data in an environment, where it is one of Gymnasium's, MyoSuite's or alike."""
     bare: Any = environment.unwrapped
     for holder in (bare, getattr(bare, "sim", None)):
