@@ -29,6 +29,7 @@ _SHARE = tuple(
     for room in ("tests/policies", "tests/worlds", "apps/timlab/tests/editor", "apps/timsim/tests/panels")
 )
 os.environ["XDG_DATA_HOME"] = str(_RUN / "data")  # the key with which runs are signed
+os.environ[compilations.VARIABLE] = str(_RUN / "programs")  # of processes that have no other cache
 os.environ.update(_COMPILER)  # read by JAX when it is imported, so not in a fixture
 # Tracing makes millions of small objects that live on, and Python would look through all of them again and again. Young
 # ones are still looked through; the others when the programs are dropped that most of them belong to.

@@ -1,116 +1,33 @@
-"""The compilation cache of the tests: a bounded store that outlives a run, and one folder per run on top of it.
+"""The compiled programs of the tests: their own store, which outlives a run, and their memory.
 
-Compilation dominates the time of the tests. JAX writes its entries in place, so a process that dies leaves half an
-entry behind, and two runs at once would write and prune the same folder. Therefore a run works in a folder of its own,
-filled with hard links to the store; when it ends, the complete entries that it added move into the store.
+Compilation dominates the time of the tests. They use the library's store of programs, with other bounds.
 """
 
 import contextlib
 import ctypes
 import functools
 import gc
-import hashlib
-import os
-import platform
 import resource
-import shutil
-import tempfile
-import time
-import zlib
-from importlib.metadata import version
 from pathlib import Path
+
+from motorgrad import _program_store
+from motorgrad._program_store import FOLDER, VARIABLE, environment
+
+__all__ = ["FOLDER", "VARIABLE", "close_run", "drop_programs", "environment", "open_run", "resident", "share_context"]
 
 STORE = Path(__file__).parent.parent / ".cache" / "tests" / "jax"
 MOST_BYTES = 1 << 30
-_ABANDONED = 24 * 3600  # s, the age at which the folder of a run that was killed goes
-FOLDER = "JAX_COMPILATION_CACHE_DIR"
-_RUN = "run-"
+MOST_ENTRIES = 100_000
 
 
-def _key() -> str:
-    """Versions, and a hash of the processor's features: machine code for one processor need not run on another."""
-    features = platform.processor() + platform.machine()
-    with contextlib.suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        features += next((line for line in lines if line.startswith(("flags", "Features"))), "")
-    versions = "-".join(f"{name}{version(name)}" for name in ("jax", "jaxlib"))
-    return f"python{platform.python_version()}-{versions}-{hashlib.sha256(features.encode()).hexdigest()[:12]}"
+def open_run() -> Path:
+    """Makes the folder of a run, with the entries of the tests' store in it."""
+    return _program_store.open_run(STORE)
 
 
-def _is_complete(entry: Path) -> bool:
-    """Whether an entry decompresses, with the same library that JAX chooses."""
-    try:
-        import zstandard
-    except ImportError:
-        decompress, error = zlib.decompress, zlib.error
-    else:
-        decompress, error = zstandard.ZstdDecompressor().decompress, zstandard.ZstdError
-    try:
-        return bool(decompress(entry.read_bytes()))
-    except error:
-        return False
-
-
-def _remove_oldest(folder: Path, most_bytes: int) -> None:
-    """Removes the entries that were read or written longest ago, until the rest fits."""
-    found = [(max(status.st_atime, status.st_mtime), status.st_size, entry.path) for entry, status in _entries(folder)]
-    total = sum(size for _, size, _ in found)
-    for _, size, path in sorted(found):
-        if total <= most_bytes:
-            break
-        Path(path).unlink(missing_ok=True)
-        total -= size
-
-
-def _entries(folder: Path) -> list[tuple[os.DirEntry, os.stat_result]]:
-    return [(entry, entry.stat()) for entry in os.scandir(folder) if entry.is_file()]
-
-
-def _link(source: Path, target: Path) -> None:
-    try:
-        os.link(source, target)
-    except FileNotFoundError:  # another run has pruned it
-        pass
-    except OSError:  # a file system without hard links
-        shutil.copy2(source, target)
-
-
-def environment(run: Path) -> dict[str, str]:
-    """The variables by which JAX, when it is imported, chooses the folder of a run for all that it compiles."""
-    return {
-        FOLDER: str(run),
-        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
-        # Caches for GPUs would make the folder's path a part of every key, and no run would find another's entries.
-        "JAX_PERSISTENT_CACHE_ENABLE_XLA_CACHES": "none",
-    }
-
-
-def open_run(store: Path = STORE) -> Path:
-    """Makes the folder of a run, with the store's entries in it."""
-    entries = store / _key()
-    entries.mkdir(parents=True, exist_ok=True)
-    for other in store.iterdir():
-        old = time.time() - other.stat().st_mtime > _ABANDONED
-        if other.is_dir() and other != entries and (old or not other.name.startswith(_RUN)):
-            shutil.rmtree(other, ignore_errors=True)  # of another version, or of a run that was killed
-    run = Path(tempfile.mkdtemp(prefix=_RUN, dir=store))
-    for entry, _ in _entries(entries):
-        _link(Path(entry.path), run / entry.name)
-    return run
-
-
-def close_run(run: Path, store: Path = STORE, most_bytes: int = MOST_BYTES) -> None:
-    """Moves what a run has compiled into the store, bounds the store and removes the folder."""
-    entries = store / _key()
-    entries.mkdir(parents=True, exist_ok=True)
-    for entry, _ in _entries(run):
-        kept = entries / entry.name
-        if not kept.exists() and _is_complete(Path(entry.path)):
-            with contextlib.suppress(OSError):
-                os.replace(entry.path, kept)
-    _remove_oldest(entries, most_bytes)
-    shutil.rmtree(run, ignore_errors=True)
+def close_run(run: Path) -> None:
+    """Moves what a run has compiled into the tests' store, bounds the store and removes the folder."""
+    _program_store.close_run(run, STORE, MOST_BYTES, MOST_ENTRIES)
 
 
 def share_context() -> None:

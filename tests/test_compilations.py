@@ -1,97 +1,10 @@
-"""The compilation cache of the tests (`compilations.py`)."""
+"""The memory of the tests' compiled programs (`compilations.py`)."""
 
-import os
 import subprocess
 import sys
-import zlib
 from pathlib import Path
 
 import pytest
-
-import compilations
-
-
-@pytest.fixture
-def compress():
-    try:
-        import zstandard
-    except ImportError:
-        return zlib.compress
-    return zstandard.ZstdCompressor().compress
-
-
-def entries(store):
-    return sorted(path.name for path in (store / compilations._key()).iterdir())
-
-
-def test_a_run_finds_what_the_run_before_it_compiled(tmp_path, compress):
-    first = compilations.open_run(tmp_path)
-    (first / "program-cache").write_bytes(compress(b"code"))
-    compilations.close_run(first, tmp_path)
-    second = compilations.open_run(tmp_path)
-    assert (second / "program-cache").read_bytes() == compress(b"code")
-    assert not first.exists()
-
-
-def test_runs_at_the_same_time_do_not_share_a_folder(tmp_path, compress):
-    runs = [compilations.open_run(tmp_path) for _ in range(2)]
-    for index, run in enumerate(runs):
-        (run / f"program{index}-cache").write_bytes(compress(b"code"))
-        (run / "both-cache").write_bytes(compress(b"code"))
-    for run in runs:
-        compilations.close_run(run, tmp_path)
-    assert entries(tmp_path) == ["both-cache", "program0-cache", "program1-cache"]
-
-
-def test_half_an_entry_is_not_kept(tmp_path, compress):
-    run = compilations.open_run(tmp_path)
-    whole = compress(bytes(range(256)) * 100)
-    (run / "whole-cache").write_bytes(whole)
-    (run / "half-cache").write_bytes(whole[: len(whole) // 2])
-    (run / "empty-cache").write_bytes(b"")
-    compilations.close_run(run, tmp_path)
-    assert entries(tmp_path) == ["whole-cache"]
-
-
-def test_the_store_is_bounded_and_keeps_what_was_used_last(tmp_path, compress):
-    run = compilations.open_run(tmp_path)
-    for index in range(4):
-        entry = run / f"program{index}-cache"
-        entry.write_bytes(compress(b"code"))
-        os.utime(entry, (index, index))
-    compilations.close_run(run, tmp_path, most_bytes=2 * len(compress(b"code")))
-    assert entries(tmp_path) == ["program2-cache", "program3-cache"]
-
-
-def test_entries_of_other_versions_go(tmp_path):
-    (tmp_path / "python3.0-jax0").mkdir()
-    run = compilations.open_run(tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([compilations._key(), run.name])
-
-
-PROGRAM = """
-import jax
-from jax import monitoring
-found = []
-monitoring.register_event_listener(lambda name, **_: found.append(name.rpartition("/")[2]))
-jax.jit(lambda x: 2 * x + 1)(3.0)
-print(found.count("cache_hits"), found.count("cache_misses"))
-"""
-
-
-@pytest.mark.ci
-def test_a_process_finds_what_one_of_another_run_compiled(tmp_path, process_environment):
-    counts = []
-    for _ in range(2):
-        run = compilations.open_run(tmp_path)
-        environment = {**process_environment, **compilations.environment(run)}
-        done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, env=environment)
-        assert done.returncode == 0, done.stderr
-        counts.append(tuple(map(int, done.stdout.split())))
-        compilations.close_run(run, tmp_path)
-    (hits, misses), again = counts
-    assert misses > 0
-    assert again == (hits + misses, 0)
 
 
 @pytest.mark.ci

@@ -161,9 +161,12 @@ def run() -> NoReturn:
         sys.stdout.reconfigure(errors="backslashreplace")  # names of files need not be text
     status = main()
     if status:
+        from motorgrad._program_store import end
+
         # everything is saved, and libraries whose threads are still starting may abort the process at exit
         sys.stdout.flush()
         sys.stderr.flush()
+        end()
         os._exit(status)
     sys.exit(status)
 

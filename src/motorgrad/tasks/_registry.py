@@ -9,6 +9,7 @@ from motorgrad._arguments import check_arguments
 from motorgrad._consent import allow
 from motorgrad._errors import choice
 from motorgrad._files import read_toml
+from motorgrad._program_store import keep_programs
 from motorgrad._task_table import TASK_TABLE, Entry
 from motorgrad.schema import build
 from motorgrad.tasks._task import Task
@@ -36,6 +37,7 @@ def make(name: str, **settings: object) -> Task:
 
     **Raises:** `ValueError` for an unknown name or setting, suggesting the nearest known one, and for invalid values.
     """
+    keep_programs()
     if is_environment(name) and name not in TASKS:
         allow([name])
         return build(TASKS[ENVIRONMENT], {"env_id": name, **settings}, ENVIRONMENT)

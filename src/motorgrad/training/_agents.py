@@ -11,6 +11,7 @@ import jax.numpy as jnp
 
 from motorgrad import policies
 from motorgrad._errors import check, choice, unknown
+from motorgrad._program_store import keep_programs
 from motorgrad.learning import PRESETS, STEPS, Agent, Choice, Estimator, Learner, Optax, check_scores, choose
 from motorgrad.policies import InitialPolicy
 from motorgrad.schema import PART_CLASSES, Words, build, check_rounded, full_path, kind_of, parts_by_path, table
@@ -57,6 +58,7 @@ def agent_for(
     agent = mg.agent_for("hopper", estimator="gpomdp", metric="fisher")
     ```
     """
+    keep_programs()
     task = task_named(task) if isinstance(task, str) else task
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
     known = changes is None or isinstance(changes, Mapping)

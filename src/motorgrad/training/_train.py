@@ -8,6 +8,7 @@ from typing import Any
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._platform import tell_the_platform
+from motorgrad._program_store import keep_programs
 from motorgrad.learning import Learner
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
@@ -100,6 +101,7 @@ def train(
     swept.plot("apex", "decay.png")
     ```
     """
+    keep_programs()
     check_arguments(train, locals(), ("seeds", "out", "progress", "tensorboard", "allow_changed"))
     if isinstance(initial, Run):
         task = task_named(task) if isinstance(task, str) else task

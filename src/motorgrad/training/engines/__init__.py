@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from motorgrad._program_store import keep_programs
 from motorgrad.learning import Learner, SparseLearner
 from motorgrad.policies import Policy
 from motorgrad.tasks import BodyTask, HostTask, Task
@@ -64,6 +65,7 @@ def stepper_for(
 
     With `first_episode`, records count the first episode of each seed alone: its rewards, metrics, and `decisions`.
     """
+    keep_programs()
     if isinstance(task, HostTask):
         kind = BodyStepper if isinstance(task, BodyTask) else HostStepper
         more = {"envs": envs, "workers": workers, "first_episode": first_episode}
