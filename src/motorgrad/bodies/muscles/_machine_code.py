@@ -20,6 +20,7 @@ import mujoco
 from motorgrad.bodies.muscles._curve_sets import CURVES, hill_curves, with_curves
 from motorgrad.bodies.muscles._layout import place_of_array, place_of_timestep
 from motorgrad.bodies.muscles._muscle import tension
+from motorgrad.bodies.muscles._stored_code import compiled
 
 # Slides whose position is the length, each with a fixed tendon.
 _PROBE = '<mujoco><option timestep="{}"/><worldbody>{}</worldbody><tendon>{}</tendon><actuator>{}</actuator></mujoco>'
@@ -38,14 +39,14 @@ def compiled_hill(curves: str) -> types.SimpleNamespace:
     numba = _numba()
     helpers = {each.__name__ for each in hill_curves(curves).helpers}
 
-    def compiled(function: types.FunctionType) -> Any:
+    def inlined(function: types.FunctionType) -> Any:
         name = function.__name__
         # without a way in from Python, which only one of them needs, they compile faster
         inner = {"no_cpython_wrapper": name != "steady_fiber", "no_cfunc_wrapper": True}
         # a helper is called at many places, and faster if it is not written out at each
         return numba.njit(function, error_model="numpy", forceinline=name not in helpers, **inner)
 
-    return with_curves(curves, compiled)
+    return with_curves(curves, inlined)
 
 
 def _with_any_curves(name: str) -> Any:
@@ -64,7 +65,7 @@ def machine_code(name: str) -> Any:
     numba = _numba()
     word = numba.types.CPointer(numba.types.CPointer(numba.types.float64))
     body = {"mjcb_act_gain": _gain, "mjcb_act_dyn": _dynamics, "mjcb_act_bias": _bias}[name]()
-    made = numba.cfunc(numba.types.float64(word, word, numba.types.int32), error_model="numpy")(body)
+    made = compiled(body, numba.types.float64(word, word, numba.types.int32))
     pointer: Any = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int)(made.address)
     pointer.owner = made  # keeps the machine code alive as long as the pointer
     return pointer
