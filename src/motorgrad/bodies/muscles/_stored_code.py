@@ -15,14 +15,18 @@ from typing import Any
 
 from motorgrad._program_store import kept
 
+TRIED = ("0.68.",)  # versions of numba in which machine code needs nothing but its runtime
+
 
 def compiled(function: Callable[..., float], signature: Any) -> Any:
     """A function of this package compiled as a C function, or read from the cache: numba's `CFunc`.
 
     **Arguments:** a function, which may call others by its closure; its signature in numba's types.
     """
-    from numba.core.caching import FunctionCache, IndexDataCacheFile  # imported late, as numba takes long
+    import numba  # imported late, as it takes long
+    from numba.core.caching import FunctionCache, IndexDataCacheFile
     from numba.core.ccallback import CFunc
+    from numba.core.runtime import rtsys
 
     class Cache(FunctionCache):
         """The cache of a function whose closure holds compiled functions. In numba's own key these differ from process
@@ -31,6 +35,14 @@ def compiled(function: Callable[..., float], signature: Any) -> Any:
         def __init__(self, function: Callable[..., float]):
             super().__init__(function)
             self._cache_file = IndexDataCacheFile(self.cache_path, self._impl.filename_base, source_stamp=_source())
+
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            """The function, without what numba would load to compile others, which takes longer than all else."""
+            if not numba.__version__.startswith(TRIED):
+                return super().load_overload(sig, target_context)
+            rtsys.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
 
         def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
             return sig, codegen.magic_tuple()
