@@ -78,12 +78,18 @@ def test_the_number_of_entries_is_bounded(tmp_path, compress):
 
 def test_what_nobody_uses_goes_and_what_another_version_uses_stays(tmp_path):
     day = 24 * 3600
-    ages = {"python3.0-jax0": 31 * day, "python3.0-jax1": 2 * day, "run-killed": 8 * day, "run-going": 2 * day}
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    here = _program_store._here()
+    killed = f"{here}{ended.pid}-a"
+    going = f"{here}{os.getpid()}-a"
+    ages = {"python3.0-jax0": 31 * day, "python3.0-jax1": 2 * day, killed: day, going: 2 * day}
+    ages |= {"run-elsewhere-1-a": 2 * day, "run-elsewhere-2-a": 8 * day}
     for name, age in ages.items():
         (tmp_path / name).mkdir()
         os.utime(tmp_path / name, (time.time() - age, time.time() - age))
     run = _program_store.open_run(tmp_path)
-    left = [_program_store.key(), "python3.0-jax1", "run-going", run.name]
+    left = [_program_store.key(), "python3.0-jax1", going, "run-elsewhere-1-a", run.name]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(left)
 
 

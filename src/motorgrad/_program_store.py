@@ -26,6 +26,7 @@ from pathlib import Path
 
 VARIABLE = "MOTORGRAD_PROGRAMS"
 """The environment variable that names another folder for the store, or is `off`: then nothing is stored."""
+NOTHING_KEPT = {VARIABLE: "off"}
 MOST_BYTES = 512 << 20
 MOST_ENTRIES = 5000  # which a run links in some 0.1 s
 FOLDER = "JAX_COMPILATION_CACHE_DIR"
@@ -35,7 +36,8 @@ _SETTINGS = {
     # Caches for GPUs would make the folder's path a part of every key, and no run would find another's entries.
     "jax_persistent_cache_enable_xla_caches": "none",
 }
-_ABANDONED = 7 * 24 * 3600  # s, the age at which the folder of a run goes that was killed: trainings take days
+_KILLED = 3600  # s, the age at which the folder of a run goes whose process is not to be seen
+_ABANDONED = 7 * 24 * 3600  # s, likewise where that cannot be told: trainings take days
 _UNUSED = 30 * 24 * 3600  # s, likewise of what other versions and processors compiled: they may share a home
 _RUN = "run-"
 
@@ -57,7 +59,7 @@ def keep_programs() -> None:
     import jax
     from jax.experimental.compilation_cache import compilation_cache
 
-    if not kept() or jax.config.jax_compilation_cache_dir is not None or not jax.config.jax_enable_compilation_cache:
+    if not kept() or jax.config.jax_compilation_cache_dir or not jax.config.jax_enable_compilation_cache:
         return
     folder = store_folder()
     try:
@@ -133,9 +135,9 @@ def open_run(store: Path) -> Path:
     for other in store.iterdir():
         with contextlib.suppress(FileNotFoundError):  # another run has removed it
             age = time.time() - other.stat().st_mtime
-            if other.is_dir() and age > (_ABANDONED if other.name.startswith(_RUN) else _UNUSED):
+            if other.is_dir() and age > (_longest(other.name) if other.name.startswith(_RUN) else _UNUSED):
                 shutil.rmtree(other, ignore_errors=True)
-    run = Path(tempfile.mkdtemp(prefix=_RUN, dir=store))
+    run = Path(tempfile.mkdtemp(prefix=f"{_here()}{os.getpid()}-", dir=store))
     for entry, _ in _entries(entries):
         _link(Path(entry.path), run / entry.name)
     return run
@@ -152,6 +154,25 @@ def close_run(run: Path, store: Path, most_bytes: int = MOST_BYTES, most_entries
                 os.replace(entry.path, stored)
     _remove_oldest(entries, most_bytes, most_entries)
     shutil.rmtree(run, ignore_errors=True)
+
+
+def _here() -> str:
+    """How the names of the runs of this machine begin; the id of the process follows."""
+    return f"{_RUN}{hashlib.sha256(platform.node().encode()).hexdigest()[:8]}-"
+
+
+def _longest(run: str) -> float:
+    """The age in s that the folder of a run may have, by its name. A process of this machine that is not to be seen has
+    ended, or is one of another container."""
+    process = run.removeprefix(_here()).partition("-")[0]
+    if os.name != "nt" and process.isdecimal():
+        try:
+            os.kill(int(process), 0)
+        except ProcessLookupError:
+            return _KILLED
+        except OSError:  # another user's
+            pass
+    return _ABANDONED
 
 
 def _is_complete(entry: Path) -> bool:

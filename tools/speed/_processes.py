@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from motorgrad._program_store import NOTHING_KEPT
 from tools.speed import ENVIRONMENT
 
 ROOT = Path(__file__).parents[2]
@@ -24,7 +25,7 @@ def measure(checkout: Path, row_id: str, pairs: int) -> dict[str, Any]:
     paths = os.pathsep.join(str(checkout / source) for source in SOURCES)
     done = subprocess.run(
         [sys.executable, str(WORKER), str(checkout), row_id, str(pairs)],
-        env={**ENVIRONMENT, "PYTHONPATH": paths, "PYTHONSAFEPATH": "1"},
+        env={**ENVIRONMENT, **NOTHING_KEPT, "PYTHONPATH": paths, "PYTHONSAFEPATH": "1"},
         cwd=checkout,
         capture_output=True,
         text=True,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from motorgrad._processes import SAFE, environment
+from motorgrad._program_store import FOLDER, VARIABLE
 
 PER_SECOND = "/s"
 """The end of units of which more is better; of the others, seconds and bytes, less is better."""
@@ -136,7 +137,7 @@ def started(arguments: list[str], runs: int = 7) -> Figures:
 
 def first_decision(command: Callable[[Path], list[str]], warm: bool, runs: int = 3) -> Figures:
     """Seconds of a new interpreter that trains for one decision, by a command of the folder that it may write: with
-    everything compiled anew, or with what JAX compiled for an earlier process, from its cache (`warm`)."""
+    everything compiled anew, or with what was compiled for an earlier process (`warm`)."""
     pairs: list[tuple[Took, Took | None]] = []
     with tempfile.TemporaryDirectory() as folder:
         for run in range(-warm, runs):  # a warm cache is filled by a run that does not count
@@ -149,12 +150,8 @@ def first_decision(command: Callable[[Path], list[str]], warm: bool, runs: int =
 
 
 def kept_in(folder: Path) -> Mapping[str, str]:
-    """The variables by which JAX keeps every program that it compiles in a folder."""
-    return {
-        "JAX_COMPILATION_CACHE_DIR": str(folder),
-        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
-    }
+    """The variables by which all that a process compiles is kept in a folder."""
+    return {VARIABLE: str(folder / "programs"), FOLDER: "", "NUMBA_CACHE_DIR": str(folder / "numba")}
 
 
 def interpret(arguments: list[str] | tuple[str, ...], settings: Mapping[str, str] | None = None) -> str:
