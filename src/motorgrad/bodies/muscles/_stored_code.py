@@ -26,7 +26,7 @@ def compiled(function: Callable[..., float], signature: Any) -> Any:
     import numba  # imported late, as it takes long
     from numba.core.caching import FunctionCache, IndexDataCacheFile
     from numba.core.ccallback import CFunc
-    from numba.core.runtime import rtsys
+    from numba.core.runtime.nrt import rtsys
 
     class Cache(FunctionCache):
         """The cache of a function whose closure holds compiled functions. In numba's own key these differ from process
