@@ -51,7 +51,7 @@ def test_the_page_is_drawn_from_what_is_stored_of_every_row(speed):
     assert known.keys() <= {row.id for row in rows}, "remove the files of former rows"
     drawn = speed._store.table(rows)
     for row in rows:
-        (line,) = (line for line in drawn.splitlines() if line.startswith(f"| `{row.id}` |"))
+        (line,) = (line for line in drawn.splitlines() if line.startswith(f"| `{row.id}`: "))
         assert (speed._store.NOT_MEASURED in line) == (row.id not in known)
     for name, entry in known.items():
         assert entry["id"] == name
@@ -66,8 +66,8 @@ def test_a_row_is_stored_and_drawn_with_its_commit(speed, folder):
     first, second = speed._store.table(ROWS).splitlines()[2:4]
     when = r"`12345678` with changes, \d{4}-\d\d-\d\d, A"
     ratios = r"0.38 \[0.25 … 0.50\] \| 1.50 \[1.00 … 2.00\]"
-    assert re.fullmatch(rf"\| `one` \| one ÷ other \| 3.75 u/s \| 10 \| {ratios} \| ≥ 0.4, missed \| {when} \|", first)
-    assert second == "| `two` | a second row | not measured yet |  |  |  |  |  |"
+    assert re.fullmatch(rf"\| `one`: one ÷ other \| 3.75 u/s \| 10 \| {ratios} \| ≥ 0.4, missed \| {when} \|", first)
+    assert second == "| `two`: a second row | not measured yet |  |  |  |  |  |"
     assert speed._store.table(ROWS).endswith("A: Abacus, 2 cores; python 3.11.")
 
 
@@ -75,7 +75,7 @@ def test_figures_of_other_words_do_not_count_and_those_of_former_rows_are_named(
     for row in ROWS:
         speed._store.store(row, {"figures": as_json(figures("u/s", PAIRS)), "machine": MACHINE})
     drawn = speed._store.table([Row("one", "one ÷ a third", never)])
-    assert "| `one` | one ÷ a third | not measured yet |" in drawn
+    assert "| `one`: one ÷ a third | not measured yet |" in drawn
     assert "`two` is stored, but is no longer a row." in drawn
 
 

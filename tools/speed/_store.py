@@ -15,7 +15,7 @@ from tools.streaming import in_three_digits
 FOLDER = ROOT / "benchmarks"
 PAGE = ROOT / "docs" / "performance.md"
 BETWEEN = re.compile(r"(<!-- table -->\n).*?(<!-- end -->)", re.DOTALL)
-TITLES = ("row", "", "ours", "reference", "ratio, wall time", "ratio, processor time", "goal", "commit")
+TITLES = ("row", "ours", "reference", "ratio, wall time", "ratio, processor time", "goal", "commit")
 NOT_MEASURED = "not measured yet"
 
 
@@ -42,7 +42,7 @@ def table(rows: Sequence[Row]) -> str:
     lines = [f"| {' | '.join(TITLES)} |", "|---" * len(TITLES) + "|"]
     for row in rows:
         entry = known.pop(row.id, None)
-        cells = [f"`{row.id}`", row.name]
+        cells = [f"`{row.id}`: {row.name}"]
         if entry is None or entry["name"] != row.name:
             cells += [NOT_MEASURED, "", "", "", str(row.goal or ""), ""]
         else:
