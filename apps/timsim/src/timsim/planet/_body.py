@@ -200,13 +200,13 @@ def on_planet(task: T, planet: Planet) -> T:
     """
     check(isinstance(task, BodyTask), "task", getattr(task, "name", task), "a task on a body")
     assert isinstance(task, BodyTask)
+    moved = OnPlanet(task.dynamics, planet)
+    moved.spec()
     kind: Any = type(task)
     level = kind.batch is BodyTask.batch and kind.begin is BodyTask.begin
     check(
         level, "task", task.name, "a task on level ground that begins in the body's own pose, to be moved to a planet"
     )
-    moved = OnPlanet(task.dynamics, planet)
-    moved.spec()
 
     class Moved(kind):
         """The task with its body on a planet."""
