@@ -55,6 +55,7 @@ class Wheel(Policy):
 WHEEL = Wheel([0.5, -1.0])
 LOOK = jnp.array([1.0, 2.0])
 ACTION = jnp.array([0.5])
+SCORES = jax.tree.map(lambda s: jnp.stack([0.5 * s, s]), WHEEL.score(LOOK, ACTION))
 PLAIN = {
     "has_memory": ((), False),
     "initial_memory": ((), None),
@@ -73,6 +74,9 @@ PLAIN = {
     "sampled_fisher": ((LOOK, ACTION), (jnp.array([[[4.0, 8.0], [8.0, 16.0]]]),)),
     "fisher_sum": ((LOOK[None], ACTION[None], jnp.array([0.5])), (jnp.array([[[2.0, 4.0], [4.0, 8.0]]]),)),
     "fisher_sum_one_by_one": ((LOOK[None], ACTION[None], jnp.array([0.5])), (jnp.array([[[2.0, 4.0], [4.0, 8.0]]]),)),
+    "score_sum": ((LOOK[None], ACTION[None], jnp.array([[0.5, 1.0]])), SCORES),
+    "score_sum_one_by_one": ((LOOK[None], ACTION[None], jnp.array([[0.5, 1.0]])), SCORES),
+    "entropy_sum": ((LOOK[None],), WHEEL.entropy(LOOK)),
     "fisher_coordinates": ((LOOK, ACTION), WHEEL.log_prob(LOOK, ACTION)[None]),
     "has_temperature": ((), False),
     "with_temperature": ((2.0,), WHEEL),

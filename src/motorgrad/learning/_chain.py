@@ -67,6 +67,15 @@ class Transformation(Part):
         """The state after a decision. A transition that diverged must not change it."""
         return state
 
+    @property
+    def takes_batches(self) -> bool:
+        """Whether `observe_batch` may see the decisions of a whole batch, in place of `observe` one after the other."""
+        return False
+
+    def observe_batch(self, state: PyTree, policy: Policy, observations: Array, actions: Array) -> PyTree:
+        """The state after a batch of decisions, none of which diverged, by the present policy."""
+        return state
+
     def solve(self, state: PyTree, policy: Policy, due: Flag) -> PyTree:
         """The state after work that is due once in many decisions, or, at the latest, where a step is `due`."""
         return state

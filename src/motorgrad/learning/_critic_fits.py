@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._branching import NEVER, Flag, Scalar, where, where_any
+from motorgrad._linear_algebra import linear_solve
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.schema import Part, count, number
 
@@ -216,17 +217,25 @@ class LeastSquares(CriticFit):
             if weights.size >= MANY_FEATURES:
                 traces, changes, rewards = sums
                 sums = (traces.T @ changes, rewards @ traces, jnp.sum(traces, axis=0))
-            block = jax.tree.map(lambda total: total / self.interval, sums)
-            forgotten = -jnp.expm1(self.interval * jnp.log1p(-jnp.asarray(self.rate, weights.dtype)))
-            means = add_sample(state.means, block, forgotten, self.interval)
-            matrix, pay, trace = means.mean
-            damped = matrix + self.damping * jnp.eye(weights.size, dtype=weights.dtype)
-            solved = jnp.linalg.solve(damped, pay - mean * trace)
-            solved = jnp.where(jnp.all(jnp.isfinite(solved)), solved, weights)  # a singular system has none yet
+            solved, state = self.take_in(weights, state, sums, mean)
             empty = jax.tree.map(jnp.zeros_like, state.waiting)
-            return solved, LeastSquaresState(state.trace, means, empty, state.gathered * 0)
+            return solved, state._replace(waiting=empty, gathered=state.gathered * 0)
 
         return where_any(self.decisions_until_due(state) < 0, solve, (weights, state))
+
+    def take_in(
+        self, weights: Weights, state: LeastSquaresState, sums: tuple[Array, Array, Array], level: Float[Array, ""]
+    ) -> tuple[Weights, LeastSquaresState]:
+        """The solution, and the state, once the means have taken in the `sums` of $e d'$, $e r$ and $e$ over the
+        decisions of one interval."""
+        block = jax.tree.map(lambda total: total / self.interval, sums)
+        forgotten = -jnp.expm1(self.interval * jnp.log1p(-jnp.asarray(self.rate, weights.dtype)))
+        means = add_sample(state.means, block, forgotten, self.interval)
+        matrix, pay, trace = means.mean
+        damped = matrix + self.damping * jnp.eye(weights.size, dtype=weights.dtype)
+        solved = linear_solve(damped, pay - level * trace)
+        solved = jnp.where(jnp.all(jnp.isfinite(solved)), solved, weights)  # a singular system has none yet
+        return solved, state._replace(means=means)
 
     def decisions_until_due(self, state: LeastSquaresState) -> Int[Array, ""]:
         return self.interval - 1 - state.gathered

@@ -53,12 +53,12 @@ class Features(FeatureMap):
     )
 
     def __call__(
-        self, observation: Float[Array, " inputs"], previous: Float[Array, " action"] | None = None
-    ) -> Weights:
+        self, observation: Float[Array, "*decisions inputs"], previous: Float[Array, "*decisions action"] | None = None
+    ) -> Float[Array, "*decisions features"]:
         parts = [self.expanded(observation)]
         parts += [previous] if self.actions and previous is not None else []
-        parts += [jnp.ones(1, observation.dtype)] if self.bias else []
-        return jnp.concatenate(parts)
+        parts += [jnp.ones((*observation.shape[:-1], 1), observation.dtype)] if self.bias else []
+        return jnp.concatenate(parts, axis=-1)
 
 
 def check_blind(features: Features) -> None:
@@ -143,7 +143,7 @@ class Critic(Baseline):
     def start(self, policy: Policy, dtype: DTypeLike, key: jax.Array) -> CriticState:
         seen = jnp.zeros(policy.inputs, dtype)
         observation = abilities.critic_observation(policy, seen)
-        previous = jnp.zeros_like(_as_vector(policy, policy.mode(seen), dtype))
+        previous = jnp.zeros_like(as_vector(policy, policy.mode(seen), dtype))
         shape = jax.eval_shape(self.features, observation, previous).shape
         check(len(shape) == 1 and shape[0] > 0, "features", f"of shape {shape}", "a vector")
         weights = self.first_weights(shape[0], dtype, key)
@@ -166,9 +166,9 @@ class Critic(Baseline):
 
     def update(self, state: CriticState, policy: Policy, transition: Transition) -> tuple[Advantage, CriticState]:
         dtype, reward = state.features.dtype, transition.reward
-        previous = _as_vector(policy, transition.action, dtype)
+        previous = as_vector(policy, transition.action, dtype)
         following = self._features(state, transition.next_observation, previous)
-        level = self._compared(state)
+        level = self.compared(state)
         fall, slope, next_features = self.fall(state.weights, state.features, following, transition.terminated)
         error = (reward - level - fall).astype(dtype)
         centring = SimpleCentring() if self.centring is None else self.centring
@@ -181,7 +181,7 @@ class Critic(Baseline):
         return Advantage(error, error), CriticState(weights, state.features, previous, mean, fit)
 
     def solve(self, state: CriticState) -> CriticState:
-        weights, fit = self.fit.solve(state.weights, state.fit, self._compared(state), self)
+        weights, fit = self.fit.solve(state.weights, state.fit, self.compared(state), self)
         return state._replace(weights=weights, fit=fit)
 
     def decisions_until_due(self, state: CriticState) -> Int[Array, ""]:
@@ -190,7 +190,7 @@ class Critic(Baseline):
     def restart(self, state: CriticState) -> CriticState:
         return state._replace(fit=self.fit.restart(state.fit), previous=jnp.zeros_like(state.previous))
 
-    def _compared(self, state: CriticState) -> Float[Array, ""]:
+    def compared(self, state: CriticState) -> Float[Array, ""]:
         """What rewards are compared with: their level, or 0 for discounted values without centring."""
         centred = self.discount is None or self.centring is not None
         return state.reward.mean if centred else jnp.zeros_like(state.reward.mean)
@@ -293,7 +293,7 @@ class NetworkCritic(Critic):
 
     def update(self, state: CriticState, policy: Policy, transition: Transition) -> tuple[Advantage, CriticState]:
         weights, dtype = state.weights, state.features.dtype
-        following = self._features(state, transition.next_observation, _as_vector(policy, transition.action, dtype))
+        following = self._features(state, transition.next_observation, as_vector(policy, transition.action, dtype))
         layers = adapted(weights.layers, following)
         if layers is not weights.layers:
             seen = eqx.tree_at(lambda each: each.layers, weights, layers)
@@ -316,6 +316,6 @@ class NetworkCritic(Critic):
         return value - self.horizon * later, slope, None
 
 
-def _as_vector(policy: Policy, action: Array, dtype: DTypeLike) -> Float[Array, " action"]:
+def as_vector(policy: Policy, action: Array, dtype: DTypeLike) -> Float[Array, " action"]:
     """An action as a vector: a discrete one as a number for each alternative."""
     return action.astype(dtype) if action.ndim else jax.nn.one_hot(action, policy.outputs, dtype=dtype)

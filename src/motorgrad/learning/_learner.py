@@ -180,6 +180,11 @@ class Learner(Part):
         """What it needs of a task and of a policy; by default nothing, and no scores."""
         return Needs()
 
+    def fed_by_several(self) -> Self:
+        """The learner for decisions of several environments in turn, which share all that it learns; by default the
+        same."""
+        return self
+
     def readings(self, state: Any) -> dict[str, Array]:
         """Numbers of a state that records of a run show, by name; by default none."""
         del state

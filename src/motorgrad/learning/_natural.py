@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from motorgrad._branching import NEVER, Flag, Scalar, where, where_any
 from motorgrad._errors import check
 from motorgrad._groups import by_group
+from motorgrad._linear_algebra import positive_solve
 from motorgrad.learning._chain import Transformation, Updates
 from motorgrad.learning._gradients import empty_rows
 from motorgrad.learning._learner import Transition
@@ -129,6 +130,10 @@ class FisherMetric(LimitedMetric):
         r"new, is shortened to it after the optimizer",
     )
 
+    @property
+    def takes_batches(self) -> bool:
+        return self.interval == 1
+
     def init(self, policy: Policy) -> Blocks | Gathering:
         blocks = first_blocks(policy, jax.eval_shape(self._dampings, policy), self.initial, "ConjugateGradient")
         if self.interval == 1:
@@ -162,16 +167,25 @@ class FisherMetric(LimitedMetric):
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.
             (blocks, waiting) = old
             (observations, actions, policy) = jax.lax.optimization_barrier(given)
-            rate = jnp.asarray(self.rate, observations.dtype)
-            since = waiting - 1 - jnp.arange(self.interval)
-            weights = jnp.where(since >= 0, rate * (1 - rate) ** jnp.maximum(since, 0), 0)
-            added = abilities.fisher_sum(policy, observations, actions, weights)
-            kept = (1 - rate) ** waiting
-            return tuple(kept * f + more for f, more in zip(blocks, added, strict=True)), waiting * 0
+            return self._taken_in(blocks, policy, observations, actions, waiting), waiting * 0
 
         full = jnp.logical_or(due, self.decisions_until_due(state) < 0)
         blocks, waiting = where_any(full & (state.waiting > 0), take_in, (state.blocks, state.waiting))
         return state._replace(blocks=blocks, waiting=waiting)
+
+    def observe_batch(self, state: Blocks, policy: Policy, observations: Array, actions: Array) -> Blocks:
+        return self._taken_in(state, policy, observations, actions, jnp.asarray(len(observations)))
+
+    def _taken_in(
+        self, blocks: Blocks, policy: Policy, observations: Array, actions: Array, count: Int[Array, ""]
+    ) -> Blocks:
+        """The matrices after the first `count` of these decisions, each with its own weight."""
+        rate = jnp.asarray(self.rate, observations.dtype)
+        since = count - 1 - jnp.arange(len(observations))
+        weights = jnp.where(since >= 0, rate * (1 - rate) ** jnp.maximum(since, 0), 0)
+        added = abilities.fisher_sum(policy, observations, actions, weights)
+        kept = (1 - rate) ** count
+        return tuple(kept * f + more for f, more in zip(blocks, added, strict=True))
 
     def decisions_until_due(self, state: Blocks | Gathering) -> Int[Array, ""]:
         never = jnp.asarray(NEVER, jnp.int32)
@@ -263,7 +277,4 @@ def _solve(
         return scale * factor * (one * right - across * right[:, ::-1])
     scaled = scale[:, :, None] * fisher * scale[:, None, :]
     scaled = jnp.where(jnp.eye(size, dtype=bool), one, scaled)
-    # The solver reads by columns. Handed the transpose, which is the same, it needs no copy of every matrix by columns;
-    # that copy would be made at every decision, not only in the loop of `where_any`.
-    factor = jax.lax.linalg.cholesky(jnp.swapaxes(scaled, 1, 2), symmetrize_input=False)
-    return scale * jax.scipy.linalg.cho_solve((factor, True), right[:, :, None])[:, :, 0]
+    return scale * jax.vmap(positive_solve)(scaled, right)

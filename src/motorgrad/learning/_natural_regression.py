@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._branching import Flag, where, where_any
 from motorgrad._errors import check
+from motorgrad._linear_algebra import linear_solve
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._chain import Updates
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares
@@ -209,7 +210,7 @@ class EpisodicNatural(RegressionMetric):
             mean = squares[-1, :-1] / share  # the intercept, taken out by hand, has no damping
             matrix = squares[:-1, :-1] - share * mean[:, None] * mean
             right = products[:-1] - products[-1] * mean
-            return jnp.linalg.solve(matrix + self.damping * jnp.eye(mean.size, dtype=mean.dtype), right)
+            return linear_solve(matrix + self.damping * jnp.eye(mean.size, dtype=mean.dtype), right)
 
         direction = where_any(due, solve, state.direction)
         return self.along(policy, direction), state._replace(direction=direction)

@@ -22,6 +22,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float
 
 from motorgrad._branching import Flag, where, where_any
+from motorgrad._linear_algebra import linear_solve
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._chain import Updates
 from motorgrad.learning._critics import Features, check_blind
@@ -143,7 +144,7 @@ class StationaryMetric(Metric):
         r"""$\Omega$, the weights of $\xi$; 0 where the system has none yet."""
         matrix, products, feature, _ = state.backward.mean
         whole = matrix + feature[:, None] * feature + self.ridge * jnp.eye(feature.size, dtype=feature.dtype)
-        found = jnp.linalg.solve(whole, products)
+        found = linear_solve(whole, products)
         return jnp.where(jnp.all(jnp.isfinite(found)), found, 0)
 
     def stationary_score(
@@ -176,6 +177,6 @@ class StationaryMetric(Metric):
             known, acting, given = jax.lax.optimization_barrier((state, policy, given))
             vector, unravel = ravel_pytree(given)
             matrix = self.fisher(known, acting) + self.damping * jnp.eye(vector.size, dtype=vector.dtype)
-            return unravel(jnp.linalg.solve(matrix, vector))
+            return unravel(linear_solve(matrix, vector))
 
         return where_any(due, direction, updates), state

@@ -15,7 +15,15 @@ from motorgrad._errors import check
 from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._featured import InitialFeatured
-from motorgrad.policies._parameters import in_structure, outer, outer_sum, per_unit, with_fields
+from motorgrad.policies._parameters import (
+    in_structure,
+    linear,
+    outer,
+    outer_sum,
+    per_unit,
+    shared_outer_sum,
+    with_fields,
+)
 from motorgrad.policies._policy import Units, has_rows
 from motorgrad.policies._starting import Initial, InitialPolicy, check_interval, function_of
 from motorgrad.schema import kind_of, static
@@ -137,8 +145,7 @@ class SigmoidUnits(BinaryUnits):
         return jax.lax.stop_gradient(spread) * potential
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
-        potential = self.potential(observation)
-        return jnp.sum(jax.nn.softplus(potential) - potential * jax.nn.sigmoid(potential))
+        return _logistic_entropy(self.potential(observation))
 
 
 class Hyperplanes(SigmoidUnits):
@@ -165,11 +172,38 @@ class Hyperplanes(SigmoidUnits):
         return self.weights.shape[0]
 
     def potential(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
-        # A sum of products instead of a matrix product: XLA then rounds alike for one seed and for many.
-        return jnp.sum(self.weights * observation, axis=-1) + self.bias
+        return linear(self.weights, observation) + self.bias
 
     def potential_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
         return {"weights": jnp.broadcast_to(observation, self.weights.shape), "bias": jnp.ones_like(self.bias)}
+
+    @property
+    def _usual(self) -> bool:
+        """Whether scores and Fisher matrices are those of this class: what is computed of many decisions at once."""
+        kind = type(self)
+        own = kind.score, kind.fisher, kind.potential_gradient
+        return own == (SigmoidUnits.score, BinaryUnits.fisher, Hyperplanes.potential_gradient)
+
+    def score_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, "decisions sums"]
+    ) -> Self:
+        if not self._usual:
+            return abilities.score_sum_one_by_one(self, observations, actions, weights)
+        credited = weights.T[:, :, None] * (actions - jax.nn.sigmoid(self.potential(observations)))
+        slopes = jnp.einsum("ktu,ti->kui", credited, observations)
+        return in_structure(self, weights=slopes, bias=credited.sum(1))
+
+    def entropy_sum(self, observations: Float[Array, "decisions inputs"]) -> Float[Array, ""]:
+        return _logistic_entropy(self.potential(observations))
+
+    def fisher_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        if not self._usual:
+            return super().fisher_sum(observations, actions, weights)
+        p = jax.nn.sigmoid(self.potential(observations))
+        shared = jnp.concatenate([observations, jnp.ones_like(observations[:, :1])], axis=1)
+        return (shared_outer_sum(weights[:, None] * p * (1 - p), shared),)
 
     def with_temperature(self, factor: float | Float[Array, ""]) -> Self:
         return with_fields(self, weights=self.weights / factor, bias=self.bias / factor)
@@ -254,6 +288,11 @@ class InitialMotoneurons(InitialPolicy):
 
 
 motoneurons = function_of(InitialMotoneurons)
+
+
+def _logistic_entropy(potential: Float[Array, "*decisions units"]) -> Float[Array, ""]:
+    r"""The sum of the entropies of all units that fire with probability $\sigma(\phi)$, in nats."""
+    return jnp.sum(jax.nn.softplus(potential) - potential * jax.nn.sigmoid(potential))
 
 
 def entropy_of(p: Float[Array, " units"]) -> Float[Array, ""]:

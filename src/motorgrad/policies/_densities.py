@@ -366,7 +366,8 @@ def _support(m: Units, s: Units, bound: float) -> tuple[Units, Units]:
 
 def _legendre(low: Units, high: Units) -> tuple[Float[Array, "nodes units"], Float[Array, "nodes units"]]:
     """Nodes and weights of the Gauss-Legendre rule on each interval."""
-    nodes, weights = (jnp.asarray(x, low.dtype)[:, None] for x in np.polynomial.legendre.leggauss(24))
+    rule = np.polynomial.legendre.leggauss(24)
+    nodes, weights = (jnp.asarray(x, low.dtype).reshape(-1, *(1,) * low.ndim) for x in rule)
     half = (high - low) / 2
     return (low + high) / 2 + half * nodes, half * weights
 

@@ -51,7 +51,7 @@ class Featured(Seeing, Composed):
     def inputs(self) -> int:
         return self.observed
 
-    def seen(self, observation: Float[Array, " inputs"]) -> Float[Array, " features"]:
+    def seen(self, observation: Float[Array, "*decisions inputs"]) -> Float[Array, "*decisions features"]:
         return self.features.expanded(observation)
 
     def adapted(self, seen: Float[Array, " inputs"]) -> Self:
@@ -61,6 +61,14 @@ class Featured(Seeing, Composed):
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
         return in_structure(self, pool=self.pool.score(self.seen(observation), action))
 
+    def score_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, "decisions sums"]
+    ) -> Self:
+        return in_structure(self, pool=abilities.score_sum(self.pool, self.seen(observations), actions, weights))
+
+    def entropy_sum(self, observations: Float[Array, "decisions inputs"]) -> Float[Array, ""]:
+        return abilities.entropy_sum(self.pool, self.seen(observations))
+
     def fisher(
         self, observation: Float[Array, " inputs"], action: Array
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
@@ -69,7 +77,7 @@ class Featured(Seeing, Composed):
     def fisher_sum(
         self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        return abilities.fisher_sum(self.pool, jax.vmap(self.seen)(observations), actions, weights)
+        return abilities.fisher_sum(self.pool, self.seen(observations), actions, weights)
 
 
 class Network(Seeing):

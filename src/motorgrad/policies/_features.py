@@ -4,6 +4,7 @@ import functools
 import math
 from typing import Literal
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -70,25 +71,33 @@ class FeatureMap(Part):
         tiles = 0 if self.tiles is None else self.tiles.size(inputs)
         return inputs * self.raw + inputs * self.squares + pairs * self.products + self.nonlinear + tiles
 
-    def expanded(self, observation: Float[Array, " inputs"]) -> Float[Array, " features"]:
-        """The inputs, their squares, their products, the nonlinear features and tiles, as far as there are any."""
+    def expanded(self, observation: Float[Array, "*decisions inputs"]) -> Float[Array, "*decisions features"]:
+        """The inputs, their squares, their products, the nonlinear features and tiles, as far as there are any: of one
+        observation or, in one product of matrices, of several in rows."""
         parts = [observation] if self.raw else []
         parts += [jnp.square(observation)] if self.squares else []
         if self.products:
-            first, second = np.triu_indices(observation.shape[0], 1)
-            parts += [observation[first] * observation[second]]
+            first, second = np.triu_indices(observation.shape[-1], 1)
+            parts += [observation[..., first] * observation[..., second]]
         parts += [self._nonlinear(observation)] if self.nonlinear else []
-        parts += [] if self.tiles is None else [self.tiles.expanded(observation)]
-        return jnp.concatenate(parts)
+        if self.tiles is not None:
+            tiles = self.tiles.expanded if observation.ndim == 1 else jax.vmap(self.tiles.expanded)
+            parts += [tiles(observation)]
+        return jnp.concatenate(parts, axis=-1)
 
-    def _nonlinear(self, observation: Float[Array, " inputs"]) -> Float[Array, " nonlinear"]:
-        drawn = _drawn(self.shape, self.nonlinear, observation.shape[0], self.seed)
+    def _nonlinear(self, observation: Float[Array, "*decisions inputs"]) -> Float[Array, "*decisions nonlinear"]:
+        inputs = observation.shape[-1]
+        drawn = _drawn(self.shape, self.nonlinear, inputs, self.seed)
         directions, offsets = (jnp.asarray(each, observation.dtype) for each in drawn)
-        steepness = self.scale / math.sqrt(observation.shape[0])
+        steepness = self.scale / math.sqrt(inputs)
         if self.shape in ("radial", "grid"):
-            return jnp.exp(-0.5 * jnp.sum(jnp.square(steepness * (observation - directions)), axis=-1))
-        # A sum of products instead of a matrix product: XLA then rounds alike for one seed and for many.
-        along = jnp.sum(directions * (steepness * observation), axis=-1)
+            apart = steepness * (observation[..., None, :] - directions)
+            return jnp.exp(-0.5 * jnp.sum(jnp.square(apart), axis=-1))
+        if observation.ndim == 1:
+            # A sum of products instead of a matrix product: XLA then rounds alike for one seed and for many.
+            along = jnp.sum(directions * (steepness * observation), axis=-1)
+        else:
+            along = (steepness * observation) @ directions.T
         if self.shape == "tanh":
             return jnp.tanh(along + self.scale * offsets)
         return math.sqrt(2) * jnp.cos(along + offsets)

@@ -18,7 +18,17 @@ from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._autoregressive import InitialLasting
 from motorgrad.policies._binary import InitialMotoneurons
 from motorgrad.policies._featured import InitialFeatured
-from motorgrad.policies._parameters import fixed, in_structure, outer, outer_sum, per_unit, trainable, with_fields
+from motorgrad.policies._parameters import (
+    fixed,
+    in_structure,
+    linear,
+    outer,
+    outer_sum,
+    per_unit,
+    shared_outer_sum,
+    trainable,
+    with_fields,
+)
 from motorgrad.policies._policy import Units, check_shapes, has_rows
 from motorgrad.policies._starting import POSITIVE, Initial, InitialPolicy, function_of
 from motorgrad.schema import static
@@ -238,11 +248,50 @@ class GradedHyperplanes(GradedUnits):
         return action
 
     def mean(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
-        # A sum of products instead of a matrix product: XLA then rounds alike for one seed and for many.
-        return jnp.sum(self.weights * observation, axis=-1) + self.bias
+        return linear(self.weights, observation) + self.bias
 
     def mean_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
         return {"weights": jnp.broadcast_to(observation, self.weights.shape), "bias": jnp.ones_like(self.bias)}
+
+    @property
+    def _usual(self) -> bool:
+        """Whether scores and Fisher matrices are those of this class: what is computed of many decisions at once."""
+        kind = type(self)
+        own = kind.score, kind.fisher, kind.mean_gradient
+        return own == (GradedUnits.score, GradedUnits.fisher, GradedHyperplanes.mean_gradient)
+
+    def score_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, "decisions sums"]
+    ) -> Self:
+        if not self._usual:
+            return abilities.score_sum_one_by_one(self, observations, actions, weights)
+        location, spread = self._slopes(observations, actions)
+        credited = weights.T[:, :, None] * location
+        noise = jnp.broadcast_to(spread, location.shape) * self._log_deviation_slope()
+        slopes = jnp.einsum("ktu,ti->kui", credited, observations)
+        return in_structure(self, weights=slopes, bias=credited.sum(1), log_deviation=weights.T @ noise)
+
+    def entropy_sum(self, observations: Float[Array, "decisions inputs"]) -> Float[Array, ""]:
+        entropies = self.entropies(observations)
+        return jnp.sum(jnp.broadcast_to(entropies, (len(observations), self.outputs)))
+
+    def fisher_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        if not self._usual:
+            return super().fisher_sum(observations, actions, weights)
+        # All units share the row (y, 1) of their means, and have numbers of their own at the noise, which comes last.
+        shape = len(observations), self.outputs
+        location, cross, spread = (jnp.broadcast_to(each, shape) for each in self._information(observations))
+        shared = jnp.concatenate([observations, jnp.ones_like(observations[:, :1])], axis=1)
+        noise = self._log_deviation_slope()
+        weighted = weights[:, None] * location
+        of_means = shared_outer_sum(weighted * location, shared)
+        both = ((weighted * cross).T @ shared) * noise[:, None]
+        of_noise = (weights @ (cross * cross + spread * spread)) * noise * noise
+        top = jnp.concatenate([of_means, both[:, :, None]], axis=2)
+        last = jnp.concatenate([both, of_noise[:, None]], axis=1)
+        return (jnp.concatenate([top, last[:, None, :]], axis=1),)
 
 
 class StartsNoisy:

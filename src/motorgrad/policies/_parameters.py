@@ -123,15 +123,24 @@ def outer(block: Float[Array, "units parameters"]) -> Float[Array, "units parame
 
 def outer_sum(rows: Float[Array, "rows units parameters"]) -> Float[Array, "units parameters parameters"]:
     """The sum of the outer products of each unit's rows with themselves."""
-    count, units, size = rows.shape
-    # Four at a time: the matrices pass through the cache a quarter as often as one by one. Within a large loop, XLA's
-    # matrix products take ten times as long.
-    fours = jnp.pad(rows, ((0, -count % 4), (0, 0), (0, 0))).reshape(-1, 4, units, size)
+    return jnp.einsum("tup,tuq->upq", rows, rows)
 
-    def add(total: Array, four: Array) -> tuple[Array, None]:
-        return total + sum(outer(each) for each in four), None
 
-    return jax.lax.scan(add, jnp.zeros((units, size, size), rows.dtype), fours)[0]
+def shared_outer_sum(
+    weights: Float[Array, "rows units"], rows: Float[Array, "rows inputs"]
+) -> Float[Array, "units inputs inputs"]:
+    """The sums of the outer products of rows with themselves that all units share, each by weights of its own."""
+    units, size = weights.shape[1], rows.shape[1]
+    weighted = (weights[:, :, None] * rows[:, None, :]).reshape(len(rows), units * size)
+    return (weighted.T @ rows).reshape(units, size, size)  # one product is twice as fast as one for each unit
+
+
+def linear(weights: Float[Array, "units inputs"], observation: Float[Array, "*decisions inputs"]) -> Array:
+    r"""$w_i \cdot y$ of every unit: of one observation or, as one product of matrices, of several in rows."""
+    if observation.ndim > 1:
+        return observation @ weights.T
+    # A sum of products instead of a matrix product: XLA then rounds alike for one seed and for many.
+    return jnp.sum(weights * observation, axis=-1)
 
 
 def per_unit(values: Float[Array, " units"], array: Array) -> Array:

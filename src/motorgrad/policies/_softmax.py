@@ -8,9 +8,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._featured import InitialFeatured
-from motorgrad.policies._parameters import in_structure, with_fields
+from motorgrad.policies._parameters import in_structure, linear, shared_outer_sum, with_fields
 from motorgrad.policies._policy import Policy
 from motorgrad.policies._starting import Initial, function_of
 from motorgrad.schema import count
@@ -42,14 +43,16 @@ class Softmax(Policy):
     def uniforms(self) -> int:
         return 1
 
-    def _logits(self, observation: Float[Array, " inputs"]) -> Float[Array, " actions"]:
-        return jnp.sum(self.weights * observation, axis=-1)
+    def _logits(self, observation: Float[Array, "*decisions inputs"]) -> Float[Array, "*decisions actions"]:
+        return linear(self.weights, observation)
 
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " actions"]:
-        logits = self._logits(observation)
+        return self._probs(self._logits(observation))
+
+    def _probs(self, logits: Float[Array, "*decisions actions"]) -> Float[Array, "*decisions actions"]:
         if self.outputs == 2:  # one exponential instead of two: the logistic of the difference is the same softmax
-            second = jax.nn.sigmoid(logits[1] - logits[0])
-            return jnp.stack([1 - second, second])
+            second = jax.nn.sigmoid(logits[..., 1] - logits[..., 0])
+            return jnp.stack([1 - second, second], axis=-1)
         return jax.nn.softmax(logits)
 
     def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " 1"]) -> Int[Array, ""]:
@@ -75,6 +78,29 @@ class Softmax(Policy):
         among = jnp.diag(p) - p[:, None] * p
         return (jnp.kron(among, observation[:, None] * observation)[None],)
 
+    def score_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, "decisions sums"]
+    ) -> Self:
+        if type(self).score is not Softmax.score:
+            return abilities.score_sum_one_by_one(self, observations, actions, weights)
+        chosen = (actions[:, None] == jnp.arange(self.outputs)).astype(self.weights.dtype)
+        credited = weights.T[:, :, None] * (chosen - self._probs(self._logits(observations)))
+        return in_structure(self, weights=jnp.einsum("ktu,ti->kui", credited, observations))
+
+    def entropy_sum(self, observations: Float[Array, "decisions inputs"]) -> Float[Array, ""]:
+        return _entropy(self._logits(observations))
+
+    def fisher_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
+    ) -> tuple[Float[Array, "one parameters parameters"], ...]:
+        if type(self).fisher is not Softmax.fisher:
+            return abilities.fisher_sum_one_by_one(self, observations, actions, weights)
+        p = self._probs(self._logits(observations))
+        among = p[:, :, None] * (jnp.eye(self.outputs, dtype=p.dtype) - p[:, None, :])
+        pairs = shared_outer_sum(weights[:, None] * among.reshape(len(p), -1), observations)
+        blocks = pairs.reshape(self.outputs, self.outputs, self.inputs, self.inputs)
+        return (jnp.swapaxes(blocks, 1, 2).reshape(1, self.weights.size, self.weights.size),)
+
     def fisher_coordinates(
         self, observation: Float[Array, " inputs"], action: Int[Array, ""]
     ) -> Float[Array, " actions"]:
@@ -85,11 +111,16 @@ class Softmax(Policy):
         return with_fields(self, weights=self.weights / factor)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
-        log_p = jax.nn.log_softmax(self._logits(observation))
-        return -jnp.sum(jnp.exp(log_p) * log_p)
+        return _entropy(self._logits(observation))
 
     def enumerate(self) -> Int[Array, " actions"]:
         return jnp.arange(self.outputs, dtype=jnp.int32)
+
+
+def _entropy(logits: Float[Array, "*decisions actions"]) -> Float[Array, ""]:
+    """The sum of the entropies of all decisions, in nats."""
+    log_p = jax.nn.log_softmax(logits)
+    return -jnp.sum(jnp.exp(log_p) * log_p)
 
 
 class InitialSoftmax(InitialFeatured):

@@ -9,19 +9,21 @@ An online learner moves at every decision and a batch learner once in a while, b
 of the thesis). Every part is a choice: the trace, what rewards are compared with, the metric, the optimizer.
 """
 
+import dataclasses
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from motorgrad._branching import NEVER, Flag, any_of, where
+from motorgrad._branching import NEVER, Flag, any_of, where, where_any
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._accuracy import AccuracyState
 from motorgrad.learning._chain import SGD, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._estimator import Estimator, EstimatorState
+from motorgrad.learning._gathered import Gathered, decides_alone, learn_at_once, may_gather, without_rows
 from motorgrad.learning._gradient_learner import (
     GradientLearner,
     averaging_field,
@@ -33,7 +35,7 @@ from motorgrad.learning._natural import Metric
 from motorgrad.learning._schedules import Steps
 from motorgrad.learning.growth import Growth, GrowthState
 from motorgrad.policies import Policy, abilities, trainable
-from motorgrad.schema import inner, register
+from motorgrad.schema import inner, register, static
 
 
 class Pending(NamedTuple):
@@ -59,6 +61,8 @@ class AgentState(NamedTuple):
     - `growth`: the state of a learner that grows.
     - `memory`: what the policy remembers of the episode, where it has a memory.
     - `accuracy`: how accurate the gradient is, where that ends a batch.
+    - `gathered`: the decisions of the batch, where all are learned from at once. Then there is no `gradient`, and the
+      parts of `estimator` are those of the end of the batch before.
     """
 
     policy: Policy
@@ -71,6 +75,7 @@ class AgentState(NamedTuple):
     memory: Float[Array, " memory"] | None = None
     pending: Pending | None = None
     accuracy: AccuracyState | None = None
+    gathered: Gathered | None = None
 
 
 class Agent(GradientLearner):
@@ -114,6 +119,12 @@ class Agent(GradientLearner):
         None, help="none for a policy of one size; a `Growth` that adds the units of a `Masked` pool one by one"
     )
     averaging: PolyakAveraging | None = averaging_field()
+    gather: bool = static(
+        True,
+        help="whether all decisions of a batch are learned from at once, when it is full, where all parts can: "
+        "least squares with an interval of `update_every`, an exponential trace, a policy without a memory. That is "
+        "quicker; with false, one after the other, the result differs by rounding alone",
+    )
 
     def validate(self) -> None:
         super().validate()
@@ -152,16 +163,22 @@ class Agent(GradientLearner):
             growth, policy = self.growth.init(policy, jax.random.fold_in(key, 1))
         zeros = jax.tree.map(jnp.zeros_like, trainable(policy))
         chain = self.chain
+        estimator = self.estimator.init(policy, jax.random.fold_in(key, 2))
+        gathered = None
+        if self.gather and self.growth is None and may_gather(self.estimator) and decides_alone(policy):
+            estimator = without_rows(estimator)
+            gathered = Gathered.empty(policy, self.estimator.update_every)  # type: ignore[arg-type]
         return AgentState(
             policy=policy,
-            estimator=self.estimator.init(policy, jax.random.fold_in(key, 2)),
-            gradient=None if self.estimator.online else running_mean(zeros),
+            estimator=estimator,
+            gradient=None if self.estimator.online or gathered is not None else running_mean(zeros),
             chain=chain.init(policy),
             decision=first_decision(policy),
             steps=self.first_steps(),
             growth=growth,
             memory=abilities.initial_memory(policy),
             accuracy=None if self.estimator.accuracy is None else self.estimator.accuracy.init(policy),
+            gathered=gathered,
         )
 
     def act(
@@ -171,6 +188,8 @@ class Agent(GradientLearner):
         policy = state.policy
         seen = abilities.observation_with_memory(policy, state.memory, observation)
         action = policy.sample(seen, uniforms)
+        if state.gathered is not None:
+            return state, abilities.task_action(policy, action)
         score = policy.score(seen, action)
         state = with_decision(state, seen, action)
         if self.growth is not None and state.growth is not None:
@@ -195,6 +214,8 @@ class Agent(GradientLearner):
             action=decided.action,
             next_observation=abilities.critic_observation(state.policy, seen),
         )
+        if state.gathered is not None:
+            return self._gathered(state, transition)
         transition, estimator = self.estimator.paid(state.estimator, transition)
         sample, estimator = self.estimator.sample(estimator, state.policy, transition, state.steps)
         if isinstance(state.gradient, RunningMean):
@@ -214,9 +235,23 @@ class Agent(GradientLearner):
             after = after._replace(pending=Pending(ended, diverged))
         return after if ended is False else self.restart(after, ended)
 
+    def _gathered(self, state: AgentState, transition: Transition) -> AgentState:
+        """The state with one more decision of a batch that will be learned from at once."""
+
+        def observe(stage: Transformation, own: PyTree) -> PyTree:
+            return own if stage.takes_batches else stage.observe(own, state.policy, transition)
+
+        assert state.gathered is not None
+        chain = self.chain.map(observe, state.chain)
+        after = state._replace(chain=chain, gathered=state.gathered.add(transition))
+        ended = any_of(transition.terminated, transition.truncated, transition.diverged)
+        return after if ended is False else self.restart(after, ended)
+
     def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
         """Begin a new episode if `ended`: trace and memory are empty, and the discount starts again from 1."""
         chain = self.chain.map(lambda stage, own: stage.restart(own, ended), state.chain)
+        if state.gathered is not None:
+            return state._replace(chain=chain, gathered=state.gathered.restart(ended))
         fresh = self.estimator.restart(state.estimator, state.policy), abilities.initial_memory(state.policy)
         estimator, memory = where(ended, fresh, (state.estimator, state.memory))
         return state._replace(estimator=estimator, memory=memory, chain=chain)
@@ -224,6 +259,8 @@ class Agent(GradientLearner):
     def update(self, state: AgentState) -> AgentState:
         r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, if a step is due, and do the periodic work of a
         critic. A growing learner counts its decisions here, and may then add a unit."""
+        if state.gathered is not None:
+            return self._learned_at_once(state, state.gathered)
         due = self._due(state)
         chain = self.chain.map(lambda stage, own: stage.solve(own, state.policy, due), state.chain)
         state = state._replace(estimator=self.estimator.solve(state.estimator), chain=chain)
@@ -234,11 +271,39 @@ class Agent(GradientLearner):
         chain = self.chain.map(lambda stage, own: stage.after_growth(own, new), state.chain)
         return state._replace(growth=growth, policy=policy, chain=chain)
 
+    def _learned_at_once(self, state: AgentState, rows: Gathered) -> AgentState:
+        """The state after a step of the parameters, and of the critic, where the batch is full."""
+        full = rows.waiting >= len(rows.ends)
+        numbers = self.hyperparameters
+
+        def learn(old: AgentState) -> AgentState:
+            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
+            return _of_one_seed(*jax.lax.optimization_barrier((numbers, old, rows, full)))
+
+        learned = where_any(full, learn, state._replace(gathered=None))
+        return learned._replace(gathered=rows.emptied(full))
+
+    def after_batch(self, state: AgentState, rows: Gathered) -> AgentState:
+        """The state after all that is learned from a full batch."""
+        policy = state.policy
+        gradient, estimator = learn_at_once(self.estimator, state.estimator, policy, rows, state.steps)
+        if self.estimator.reduction == "sum":
+            gradient = jax.tree.map(lambda g: len(rows.ends) * g, gradient)
+
+        def observe(stage: Transformation, own: PyTree) -> PyTree:
+            return stage.solve(stage.observe_batch(own, policy, rows.observations, rows.actions), policy, True)
+
+        chain = self.chain.map(observe, state.chain)
+        return self.chain.step(state._replace(estimator=estimator, chain=chain), gradient)
+
     def decisions_until_due(self, state: AgentState) -> int | Int[Array, ""]:
         estimator = self.estimator
         if estimator.online or estimator.update_every == "episode" or self.growth is not None:
             return 0  # the end of an episode cannot be known beforehand
         count = jnp.asarray(NEVER, jnp.int32)
+        if state.gathered is not None:
+            count = len(state.gathered.ends) - 1 - state.gathered.waiting
+            return jnp.minimum(count, self.chain.decisions_until_due(state.chain))
         if isinstance(estimator.update_every, int) and isinstance(state.gradient, RunningMean):
             count = estimator.update_every - 1 - state.gradient.count.astype(jnp.int32)
         if estimator.accuracy is not None and state.accuracy is not None:
@@ -246,6 +311,10 @@ class Agent(GradientLearner):
         if estimator.baseline is not None:
             count = jnp.minimum(count, estimator.baseline.decisions_until_due(state.estimator.baseline))
         return jnp.minimum(count, self.chain.decisions_until_due(state.chain))
+
+    def fed_by_several(self) -> Self:
+        """The learner that learns from one decision after the other: each environment has a trace of its own."""
+        return dataclasses.replace(self, gather=False)
 
     def readings(self, state: AgentState) -> dict[str, Array]:
         """The level of rewards, `baseline`; of a learner that grows the number of `units`, and whether the newest is
@@ -293,6 +362,13 @@ class Agent(GradientLearner):
         if self.estimator.accuracy is not None and state.accuracy is not None:
             moved = moved._replace(accuracy=self.estimator.accuracy.restart(state.accuracy))
         return where(due, moved, state)
+
+
+@jax.custom_batching.sequential_vmap
+def _of_one_seed(numbers: Agent, state: AgentState, rows: Gathered, full: Array) -> AgentState:
+    """The state of one seed after its batch, where that is `full`. Seeds come one after the other, so that the matrices
+    of one stay in the processor's cache, and products of matrices round alike for one seed and for many."""
+    return jax.lax.cond(full, lambda old: numbers.after_batch(old, rows), lambda old: old, state)
 
 
 register(Learner, "policy-gradient", Agent)

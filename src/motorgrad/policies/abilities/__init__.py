@@ -12,6 +12,7 @@ if abilities.has_memory(policy):
 ```
 """
 
+from motorgrad.policies.abilities._batches import BatchSums, entropy_sum, score_sum, score_sum_one_by_one
 from motorgrad.policies.abilities._delegation import ActsByAnother
 from motorgrad.policies.abilities._distribution import (
     EntropyEstimate,
@@ -71,6 +72,7 @@ from motorgrad.policies.abilities._memory import (
 __all__ = [
     "ABILITIES",
     "ActsByAnother",
+    "BatchSums",
     "CriticObservation",
     "EntropyEstimate",
     "FiniteActions",
@@ -95,6 +97,7 @@ __all__ = [
     "check_whole",
     "critic_observation",
     "entropy_estimate",
+    "entropy_sum",
     "enumerate",
     "fisher",
     "fisher_coordinates",
@@ -114,6 +117,8 @@ __all__ = [
     "remember",
     "remembers_parameters",
     "sampled_fisher",
+    "score_sum",
+    "score_sum_one_by_one",
     "task_action",
     "with_temperature",
 ]
@@ -126,6 +131,7 @@ ABILITIES: tuple[type, ...] = (
     HiddenUnits,
     HiddenLayers,
     UnitBlocks,
+    BatchSums,
     FisherMatrices,
     FisherSum,
     FisherCoordinates,

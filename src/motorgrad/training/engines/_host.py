@@ -310,6 +310,7 @@ class HostStepper(Stepper):
         workers: int = 0,
         first_episode: bool = False,
     ):
+        agent = agent.fed_by_several() if envs > 1 else agent
         super().__init__(cast(Task, task), agent, seeds, mode, initial, numbers)
         self.envs = envs
         rows = [seed_of(int(seed), environment) for seed in self.seeds for environment in range(envs)]
