@@ -77,6 +77,7 @@ PLAIN = {
     "score_sum": ((LOOK[None], ACTION[None], jnp.array([[0.5, 1.0]])), SCORES),
     "score_sum_one_by_one": ((LOOK[None], ACTION[None], jnp.array([[0.5, 1.0]])), SCORES),
     "entropy_sum": ((LOOK[None],), WHEEL.entropy(LOOK)),
+    "sums_batches": ((), False),
     "fisher_coordinates": ((LOOK, ACTION), WHEEL.log_prob(LOOK, ACTION)[None]),
     "has_temperature": ((), False),
     "with_temperature": ((2.0,), WHEEL),

@@ -39,14 +39,15 @@ class Demonstrations:
 
     observations: Float[np.ndarray, "decisions observation"]
     actions: np.ndarray
-    episodes: Int[np.ndarray, " decisions"] | None = None
+    episodes: Int[np.ndarray, " decisions"] = dataclasses.field(default_factory=lambda: np.zeros(0, int))
 
     def __post_init__(self) -> None:
         seen = np.asarray(self.observations)
         done = np.asarray(self.actions)
         check(seen.ndim == 2 and len(seen), "observations.shape", seen.shape, "(decisions, observation), at least one")
         check(done.ndim in (1, 2), "actions.shape", done.shape, "(decisions, outputs), or (decisions,) of alternatives")
-        episodes = np.zeros(len(seen), int) if self.episodes is None else np.asarray(self.episodes)
+        episodes = np.asarray(self.episodes)
+        episodes = np.zeros(len(seen), int) if episodes.shape == (0,) else episodes
         check(episodes.ndim == 1, "episodes.shape", episodes.shape, "(decisions,)")
         lengths = len(seen), len(done), len(episodes)
         check(len(set(lengths)) == 1, "observations, actions, episodes", lengths, "of the same length")
@@ -68,7 +69,7 @@ class Demonstrations:
         return len(self.observations)
 
     def __repr__(self) -> str:
-        number = len(np.unique(self.episodes))  # type: ignore[arg-type]
+        number = len(np.unique(self.episodes))
         return f"Demonstrations({counted(len(self), 'decision')} of {counted(number, 'episode')})"
 
     def __add__(self, other: Self) -> Self:
@@ -82,7 +83,7 @@ class Demonstrations:
 
     def by_episode(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """The observations and actions of each episode."""
-        begins = np.flatnonzero(np.diff(self.episodes)) + 1  # type: ignore[arg-type]
+        begins = np.flatnonzero(np.diff(self.episodes)) + 1
         parts = (np.split(each, begins) for each in (self.observations, self.actions))
         return list(zip(*parts, strict=True))
 

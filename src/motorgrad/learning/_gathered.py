@@ -95,11 +95,12 @@ def may_gather(estimator: Estimator) -> bool:
     )
 
 
-def decides_alone(policy: Policy) -> bool:
-    """Whether the decisions of a policy depend on its parameters and the present observation alone, so that they can be
-    judged later: it remembers nothing, draws nothing beside the action, and does not adapt to what it sees."""
+def may_be_judged_later(policy: Policy) -> bool:
+    """Whether the decisions of a policy can be judged when the batch is full: they depend on its parameters and the
+    present observation alone, and it adds up many at a time."""
     adapts = abilities.adapted(policy, jnp.zeros(policy.inputs)) is not policy
-    return not (abilities.has_memory(policy) or abilities.has_hidden_units(policy) or adapts)
+    remembers = abilities.has_memory(policy) or abilities.has_hidden_units(policy)
+    return abilities.sums_batches(policy) and not (remembers or adapts)
 
 
 def without_rows(state: EstimatorState) -> EstimatorState:

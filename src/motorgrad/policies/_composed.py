@@ -67,6 +67,16 @@ class Pools(Composed):
         parts = zip(self.pools, _shares(self.pools, action), strict=True)
         return in_structure(self, pools=tuple(pool.score(observation, part) for pool, part in parts))
 
+    def score_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, "decisions sums"]
+    ) -> Self:
+        parts = zip(self.pools, _shares(self.pools, actions.T), strict=True)
+        sums = tuple(abilities.score_sum(pool, observations, part.T, weights) for pool, part in parts)
+        return in_structure(self, pools=sums)
+
+    def entropy_sum(self, observations: Float[Array, "decisions inputs"]) -> Float[Array, ""]:
+        return sum((abilities.entropy_sum(pool, observations) for pool in self.pools), start=jnp.zeros(()))
+
     def fisher(
         self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:

@@ -116,6 +116,20 @@ class Mirrored(Composed, BinaryUnits):
         parts = zip(self._both_views(observation), self._both_sides(action), strict=True)
         return in_structure(self, pool=_sum(*(self.pool.score(view, side) for view, side in parts)))
 
+    def score_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, "decisions sums"]
+    ) -> Self:
+        views = self._unfolded(observations)
+        sides = jnp.concatenate(jax.vmap(self._both_sides)(actions))
+        return in_structure(self, pool=abilities.score_sum(self.pool, views, sides, jnp.tile(weights, (2, 1))))
+
+    def entropy_sum(self, observations: Float[Array, "decisions inputs"]) -> Float[Array, ""]:
+        return abilities.entropy_sum(self.pool, self._unfolded(observations))
+
+    def _unfolded(self, observations: Float[Array, "decisions inputs"]) -> Float[Array, "views inputs"]:
+        """Both views of many observations, in rows."""
+        return jnp.concatenate(jax.vmap(self._both_views)(observations))
+
     def fisher(
         self, observation: Float[Array, " inputs"], action: Float[Array, " outputs"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
@@ -126,9 +140,8 @@ class Mirrored(Composed, BinaryUnits):
     def fisher_sum(
         self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        views = jax.vmap(self._both_views)(observations)
-        sides = jax.vmap(self._both_sides)(actions)
-        return abilities.fisher_sum(self.pool, jnp.concatenate(views), jnp.concatenate(sides), jnp.tile(weights, 2))
+        sides = jnp.concatenate(jax.vmap(self._both_sides)(actions))
+        return abilities.fisher_sum(self.pool, self._unfolded(observations), sides, jnp.tile(weights, 2))
 
     def adapted(self, seen: Float[Array, " inputs"]) -> Self:
         """The policy after both views of one more observation, so that its statistics are symmetric, too."""

@@ -38,7 +38,7 @@ class Hopper(BodyTask):
     Observed: foot contact (±1), knee angle relative to `centre` in rad, knee velocity × `velocity_scale` (rad/s), and
     `noise_inputs` random numbers. Actions: the flexor pair and the extensor pair, or units that drive these. Reward:
     `reward_scale` × the height (m) of a hop, a flight above `hop_height`, minus `penalty` for each active muscle per
-    decision.
+    decision. In every flight, a sideways force of up to `gust` may push the foot of a body that can lean.
     """
 
     name: ClassVar[str] = "hopper"

@@ -23,7 +23,7 @@ from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._accuracy import AccuracyState
 from motorgrad.learning._chain import SGD, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._estimator import Estimator, EstimatorState
-from motorgrad.learning._gathered import Gathered, decides_alone, learn_at_once, may_gather, without_rows
+from motorgrad.learning._gathered import Gathered, learn_at_once, may_be_judged_later, may_gather, without_rows
 from motorgrad.learning._gradient_learner import (
     GradientLearner,
     averaging_field,
@@ -122,8 +122,8 @@ class Agent(GradientLearner):
     gather: bool = static(
         True,
         help="whether all decisions of a batch are learned from at once, when it is full, where all parts can: "
-        "least squares with an interval of `update_every`, an exponential trace, a policy without a memory. That is "
-        "quicker; with false, one after the other, the result differs by rounding alone",
+        "least squares with an interval of `update_every`, an exponential trace, a policy of units without hidden "
+        "layers and memory. That is quicker; with false, one after the other, the result differs by rounding alone",
     )
 
     def validate(self) -> None:
@@ -165,7 +165,7 @@ class Agent(GradientLearner):
         chain = self.chain
         estimator = self.estimator.init(policy, jax.random.fold_in(key, 2))
         gathered = None
-        if self.gather and self.growth is None and may_gather(self.estimator) and decides_alone(policy):
+        if self.gather and self.growth is None and may_gather(self.estimator) and may_be_judged_later(policy):
             estimator = without_rows(estimator)
             gathered = Gathered.empty(policy, self.estimator.update_every)  # type: ignore[arg-type]
         return AgentState(

@@ -12,7 +12,13 @@ if abilities.has_memory(policy):
 ```
 """
 
-from motorgrad.policies.abilities._batches import BatchSums, entropy_sum, score_sum, score_sum_one_by_one
+from motorgrad.policies.abilities._batches import (
+    BatchSums,
+    entropy_sum,
+    score_sum,
+    score_sum_one_by_one,
+    sums_batches,
+)
 from motorgrad.policies.abilities._delegation import ActsByAnother
 from motorgrad.policies.abilities._distribution import (
     EntropyEstimate,
@@ -119,6 +125,7 @@ __all__ = [
     "sampled_fisher",
     "score_sum",
     "score_sum_one_by_one",
+    "sums_batches",
     "task_action",
     "with_temperature",
 ]

@@ -6,6 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from motorgrad.policies._parameters import Parametric, parts_of
+
 if TYPE_CHECKING:
     from motorgrad.policies._policy import Policy
 
@@ -23,6 +25,11 @@ class BatchSums(Protocol):
     def entropy_sum(self, observations: Float[Array, "decisions inputs"]) -> Float[Array, ""]:
         """The sum of the entropies at many observations, in nats."""
         ...
+
+
+def sums_batches(policy: Parametric) -> bool:
+    """Whether a policy, and all policies that it is made of, add up many decisions at a time."""
+    return isinstance(policy, BatchSums) and all(map(sums_batches, parts_of(policy)))
 
 
 def score_sum(

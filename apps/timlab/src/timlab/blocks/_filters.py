@@ -8,7 +8,9 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
+from motorgrad._linear_algebra import linear_solve
 from motorgrad.schema import number
+from timlab.blocks._linear import check_system
 from timlab.diagram import Block, Moment, Port, Ports, Signals
 
 
@@ -44,12 +46,7 @@ class KalmanFilter(Block):
     uncertainty: Any = number(1.0, help="$P_0$, likewise for each state")
 
     def validate(self) -> None:
-        states = np.shape(self.a)[0] if np.ndim(self.a) == 2 else 0
-        check(np.shape(self.a) == (states, states) and states, "a", self.a, "a square list of rows")
-        fits = np.ndim(self.b) in (1, 2) and np.shape(self.b)[0] == states
-        check(fits, "b", self.b, f"a list of {states} numbers, or {states} rows, to match a")
-        fits = np.ndim(self.c) in (1, 2) and np.shape(self.c)[-1] == states
-        check(fits, "c", self.c, f"a list of {states} numbers, or rows of {states}, to match a")
+        states = check_system(self.a, self.b, self.c)
         self.check_broadcasts("initial", (states,))
         _check_covariance("q", self.q, states)
         _check_covariance("r", self.r, len(np.atleast_2d(self.c)), invertible=True)
@@ -89,7 +86,7 @@ class KalmanFilter(Block):
         mean, spread = state
         c = jnp.atleast_2d(self.c)
         noise = covariance(self.r, len(c))
-        gain = jnp.linalg.solve(c @ spread @ c.T + noise, c @ spread).T
+        gain = linear_solve(c @ spread @ c.T + noise, c @ spread).T
         corrected = mean + gain @ (jnp.atleast_1d(inputs["y"]) - c @ mean)
         # Joseph's form stays positive where rounding would make (I − K C) P negative
         rest = jnp.eye(len(mean)) - gain @ c

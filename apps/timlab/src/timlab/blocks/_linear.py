@@ -365,6 +365,17 @@ class DiscreteTransferFunction(_Rational):
         return self._advanced(state, inputs)
 
 
+def check_system(a: Any, b: Any, c: Any) -> int:
+    """The number of states of a linear system. **Raises** `ValueError` for matrices that do not fit together."""
+    states = np.shape(a)[0] if np.ndim(a) == 2 else 0
+    check(np.shape(a) == (states, states) and states, "a", a, "a square list of rows")
+    fits = np.ndim(b) in (1, 2) and np.shape(b)[0] == states
+    check(fits, "b", b, f"a list of {states} numbers, or {states} rows, to match a")
+    fits = np.ndim(c) in (1, 2) and np.shape(c)[-1] == states
+    check(fits, "c", c, f"a list of {states} numbers, or rows of {states}, to match a")
+    return states
+
+
 @dataclasses.dataclass(frozen=True)
 class _StateSpace(Block):
     a: Any = number(((-1.0,),), help="$A$, a square list of rows")
@@ -375,12 +386,7 @@ class _StateSpace(Block):
     direct: bool = static(False, help="whether the output depends on the input within the tick, through $D$")
 
     def validate(self) -> None:
-        states = np.shape(self.a)[0] if np.ndim(self.a) == 2 else 0
-        check(np.shape(self.a) == (states, states) and states, "a", self.a, "a square list of rows")
-        fits = np.ndim(self.b) in (1, 2) and np.shape(self.b)[0] == states
-        check(fits, "b", self.b, f"a list of {states} numbers, or {states} rows, to match a")
-        fits = np.ndim(self.c) in (1, 2) and np.shape(self.c)[-1] == states
-        check(fits, "c", self.c, f"a list of {states} numbers, or rows of {states}, to match a")
+        states = check_system(self.a, self.b, self.c)
         check(self.direct or np.all(np.equal(self.d, 0)), "d", self.d, "0 unless direct is true")
         self.check_broadcasts("d", (*self.outputs["y"].shape, *self.inputs["u"].shape))
         self.check_broadcasts("initial", (states,))

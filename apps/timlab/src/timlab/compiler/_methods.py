@@ -10,6 +10,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PyTree
 
+from motorgrad._linear_algebra import linear_solve
+
 Evaluate = Callable[[PyTree[Array], Array], tuple[PyTree[Array], Array]]
 """Of a state and the seconds since the tick: the state's slope, and the levels of the zero crossings."""
 Attempted = tuple[PyTree[Array], PyTree[Array], PyTree[Array], Array]
@@ -187,7 +189,7 @@ def inverted(matrix: Array) -> Array:
     """
     size = len(matrix)
     if size > UNROLLED:
-        return jnp.linalg.inv(matrix)
+        return linear_solve(matrix, jnp.eye(size, dtype=matrix.dtype))
     rows = jnp.concatenate([matrix, jnp.eye(size, dtype=matrix.dtype)], axis=1)
     numbers = np.arange(size)
     for column in range(size):
