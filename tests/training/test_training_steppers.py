@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from training_examples import assert_differ, assert_same, learner, one_of_each_kind, reborn
 
-from motorgrad._random import BLOCK, draw_block
+from motorgrad._random import BLOCK, draw_block, key_of
 from motorgrad.tasks import TASKS
 from motorgrad.training import agent_for, stepper_for
 
@@ -105,6 +105,15 @@ def test_a_seeds_random_numbers_depend_on_no_other_seed(purpose):
 def test_random_numbers_differ_between_seeds_purposes_and_blocks():
     drawn = [draw_block([seed], purpose, block, 4) for seed in (0, 1) for purpose in "ab" for block in (0, 1)]
     assert len({np.asarray(numbers).tobytes() for numbers in drawn}) == 8
+
+
+@pytest.mark.parametrize("precise", [False, True])
+def test_random_numbers_are_those_of_jax(precise):
+    with jax.enable_x64(precise):
+        for seed, block in ((0, 0), (3, 2**32 - 1)):
+            drawn = draw_block([1, seed], "policy", np.uint32(block), 3)[..., 1]
+            key = jax.random.fold_in(key_of(seed, "policy"), np.uint32(block))
+            np.testing.assert_array_equal(drawn, jax.random.uniform(key, (BLOCK, 3)))
 
 
 @pytest.mark.ci

@@ -1,5 +1,6 @@
 """One tick as pure functions of one seed, with all blocks of a kind evaluated together, and its random numbers."""
 
+import math
 from collections.abc import Iterable, Mapping
 
 import jax
@@ -8,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._random import BLOCK as SPAN
-from motorgrad._random import key_of
+from motorgrad._random import from_bits, key_of, threefry
 from timlab.compiler._continuous import Continuous
 from timlab.compiler._evaluation import Carry, Evaluation, Numbers, States, Values
 from timlab.compiler._faults import no_fault
@@ -37,7 +38,10 @@ def draw_start(seed: Array | int, stream: Array | int, size: int) -> Float[Array
 
 def _uniform(key: Array, shape: tuple[int, ...]) -> Array:
     """U[0, 1) numbers of 24 bits, the same in every precision."""
-    return jax.random.uniform(key, shape, jnp.float32).astype(jnp.result_type(float))
+    first, second = jax.random.key_data(key)
+    places = jnp.arange(math.prod(shape), dtype=jnp.uint32).reshape(shape)
+    numbers = from_bits(*threefry((first, second), jnp.uint32(0), places), jnp.float32)
+    return numbers.astype(jnp.result_type(float))
 
 
 class Step(Evaluation):
