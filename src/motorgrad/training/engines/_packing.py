@@ -1,8 +1,8 @@
 """A pytree as few arrays.
 
 A compiled call costs some microseconds for every array that crosses its border, which for a small learner is more than
-the learning itself. Packed, a whole learner crosses as one array of 32-bit words, and one more for each wider type.
-Large leaves cross by themselves, because copying them would cost more. Leaves that a call does not change stand apart,
+the learning itself. Packed, a whole learner crosses as one array of 32-bit words, flags among them, and one more for
+each other type. Large leaves cross by themselves, because copying them would cost more. Leaves that a call does not change stand apart,
 so that they need not come back.
 """
 
@@ -33,8 +33,7 @@ class Packing:
         """Vectors with the numbers of the tree, bit for bit, and its large leaves."""
         parts: dict[str, list[Array]] = {name: [] for name in self._names}
         for leaf, name in zip(jax.tree.leaves(tree), self._names, strict=True):
-            words = jax.lax.bitcast_convert_type(leaf, WORD) if name.endswith(WORD.name) else leaf
-            parts[name].append(words)
+            parts[name].append(_words(leaf) if name.endswith(WORD.name) else leaf)
         return {
             name: leaves[0] if _alone(name) else jnp.concatenate([jnp.ravel(leaf) for leaf in leaves])
             for name, leaves in parts.items()
@@ -50,7 +49,7 @@ class Packing:
                 size = math.prod(like.shape)
                 leaf = leaf[start[name] : start[name] + size].reshape(like.shape)
                 start[name] += size
-            leaves.append(jax.lax.bitcast_convert_type(leaf, like.dtype) if name.endswith(WORD.name) else leaf)
+            leaves.append(_of_words(leaf, like.dtype) if name.endswith(WORD.name) else leaf)
         return jax.tree.unflatten(self._structure, leaves)
 
 
@@ -58,8 +57,16 @@ def _name(index: int, leaf: jax.ShapeDtypeStruct, seeds: int, still: bool) -> st
     """The name of the array in which a leaf stands."""
     if math.prod(leaf.shape) * seeds > LARGE:
         return f"leaf {index}"
-    kind = WORD if leaf.dtype.itemsize == WORD.itemsize else leaf.dtype
+    kind = WORD if leaf.dtype == bool or leaf.dtype.itemsize == WORD.itemsize else leaf.dtype
     return f"still {kind.name}" if still else kind.name
+
+
+def _words(leaf: Array) -> Array:
+    return leaf.astype(WORD) if leaf.dtype == bool else jax.lax.bitcast_convert_type(leaf, WORD)
+
+
+def _of_words(words: Array, kind: jnp.dtype) -> Array:
+    return words != 0 if kind == bool else jax.lax.bitcast_convert_type(words, kind)
 
 
 def _alone(name: str) -> bool:
