@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad._packing import Packing
 from motorgrad.environments import TaskEnv
 from motorgrad.learning import Agent, FisherMetric
 from motorgrad.policies import GradedMotoneurons, Hyperplanes, Motoneurons, Querying
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import agent_for, evaluate, stepper_for, train
-from motorgrad.training.engines._packing import Packing
 from motorgrad.worlds import QueriedLoads
 
 NONE = jnp.zeros(0)

@@ -10,6 +10,7 @@ import pytest
 from training_examples import assert_differ, assert_same
 
 from motorgrad._compiler import in_one_piece
+from motorgrad._packing import LARGE, Packing
 from motorgrad.learning import (
     NEVER,
     SGD,
@@ -30,7 +31,6 @@ from motorgrad.policies import Hyperplanes, hyperplanes
 from motorgrad.tasks import Hopper
 from motorgrad.training import stepper_for
 from motorgrad.training.engines._cycle import Cycle
-from motorgrad.training.engines._packing import LARGE, Packing
 
 UPDATE, INTERVAL = 20, 15
 CRITIC = LinearCritic(Features(squares=True), 0.9, 0.8, LeastSquares(1e-2, interval=INTERVAL))

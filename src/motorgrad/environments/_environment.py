@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from motorgrad._errors import check, check_integer, choice
 from motorgrad.environments._picture import Picture
-from motorgrad.environments._rows import Outcome, Rows
+from motorgrad.environments._rows import Rows
 from motorgrad.environments._spaces import as_array, check_action, check_options, metadata_of, spaces_of, task_of
 from motorgrad.tasks import Task
 
@@ -90,15 +90,20 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
         if not self._running:
             rows.body  # noqa: B018 (raises if the environment is closed)
             raise gymnasium.error.ResetNeeded("no episode is under way: call reset() before step()")
-        outcome = rows.step(check_action(self._space, action, (), self._binary)[None])
+        outcome = rows.step(check_action(self._space, action, (), self._binary)[None])[0]
         if self._picture is not None:
             self._picture.note()
-        terminated = bool(outcome.terminated[0])
-        truncated = bool(outcome.truncated[0])
+        columns = rows.columns
+        numbers = outcome.tolist()
+        terminated = numbers[columns.terminated] > 0
+        truncated = numbers[columns.truncated] > 0
         self._running = not (terminated or truncated)
-        info = {"simulated_time": float(rows.decisions[0] * rows.period), "diverged": bool(outcome.diverged[0])}
-        info |= {name: float(value[0]) for name, (value, occurred) in outcome.metrics.items() if occurred[0]}
-        return outcome.observation[0], float(outcome.reward[0]), terminated, truncated, info
+        info = {"simulated_time": rows.decisions.item(0) * rows.period, "diverged": numbers[columns.diverged] > 0}
+        for name, place in columns.metrics.items():
+            if numbers[place + 1] > 0:
+                info[name] = numbers[place]
+        observation = np.array(outcome[: columns.reward], np.float32)
+        return observation, numbers[columns.reward], terminated, truncated, info
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """The current picture, `(height, width, 3)` uint8, for `"rgb_array"`; `None` otherwise."""
@@ -198,27 +203,37 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         self._over[mask] = False
         if self._picture is not None:
             self._picture.note()
-        return self._seen.copy(), self._info(mask)
+        return self._seen.copy(), self._info(mask, np.zeros(count, bool))
 
     def step(self, actions: npt.ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One decision in every row, or the start of its next episode."""
         rows, over = self._rows, self._over
-        if not self._begun.all():
+        if np.count_nonzero(self._begun) < self.num_envs:
             rows.body  # noqa: B018 (raises if the environment is closed)
             raise gymnasium.error.ResetNeeded("no episode is under way: call reset() before step()")
         actions = check_action(self._space, actions, (self.num_envs,), self._binary)
-        some = bool(over.any())
+        some = np.count_nonzero(over) > 0
         outcome = rows.step(actions, ~over if some else None)
-        observation, truncated = outcome.observation, outcome.truncated
-        if self._limit is not None:
-            truncated = truncated | ((rows.decisions >= self._limit) & ~over)
+        columns = rows.columns
+        observation = np.array(outcome[:, : columns.reward], np.float32)
+        happened = outcome > 0
+        terminated = happened[:, columns.terminated]
+        truncated = happened[:, columns.truncated]
+        if self._limit is not None and np.count_nonzero(late := rows.decisions >= self._limit):
+            truncated |= late & ~over
         if some:
             observation[over] = rows.reset(over)
         if self._picture is not None:
             self._picture.note()
-        self._over = outcome.terminated | truncated
+        self._over = terminated | truncated
         self._seen = observation
-        return observation.copy(), outcome.reward, outcome.terminated, truncated, self._info(self._every, outcome)
+        reward = outcome[:, columns.reward].astype(float)
+        info = self._info(self._every, happened[:, columns.diverged])
+        for name, place in columns.metrics.items():
+            there = happened[:, place + 1]
+            if np.count_nonzero(there):
+                info |= {name: np.where(there, outcome[:, place].astype(float), 0.0), f"_{name}": there}
+        return observation.copy(), reward, terminated, truncated, info
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """A picture of every row, each `(height, width, 3)` uint8, for `"rgb_array"`; `None` otherwise."""
@@ -236,12 +251,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         """The generators of the rows."""
         return tuple(self._rows.generators)
 
-    def _info(self, mask: np.ndarray, outcome: Outcome | None = None) -> dict[str, Any]:
+    def _info(self, mask: np.ndarray, diverged: np.ndarray) -> dict[str, Any]:
         """Arrays over the rows; `_name` says in which rows there is a value."""
-        diverged = np.zeros(self.num_envs, bool) if outcome is None else outcome.diverged
-        info: dict[str, Any] = {}
-        found = {"simulated_time": (self._rows.decisions * self._rows.period, mask), "diverged": (diverged, mask)}
-        for name, (value, there) in (found | ({} if outcome is None else outcome.metrics)).items():
-            if there.any():
-                info |= {name: np.where(there, value, np.zeros((), value.dtype)), f"_{name}": there.copy()}
-        return info
+        time = self._rows.decisions * self._rows.period * mask
+        return {"simulated_time": time, "_simulated_time": mask.copy(), "diverged": diverged, "_diverged": mask.copy()}

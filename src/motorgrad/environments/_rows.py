@@ -1,53 +1,66 @@
 """Several copies of a task stepped together, without a learner: the core of an environment."""
 
 import functools
+import itertools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import numpy.typing as npt
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.utils.seeding import np_random
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad._arrays import AnyArray
+from motorgrad._compiler import in_one_piece
 from motorgrad._errors import check_integer
+from motorgrad._packing import Packed, Packing, shared_memory
 from motorgrad.bodies import BodyBatch
 from motorgrad.tasks import BodyTask, Task
 from motorgrad.worlds import World
 
-Carry = tuple[PyTree, PyTree]
-"""The memory of a task, and the state of its world, `()` for a body."""
+Carry = tuple[PyTree, PyTree, Array]
+"""The memory of a task, the state of its world, `()` for a body, and the decisions since the start of the episode."""
+
+
+class Columns(NamedTuple):
+    """Where things are in an outcome, a row of numbers: the observation is before `reward`. `metrics` has for each name
+    the place of the value; 1 in the next one says that it occurred."""
+
+    reward: int
+    terminated: int
+    truncated: int
+    diverged: int
+    metrics: dict[str, int]
 
 
 class Functions(NamedTuple):
     """The compiled functions of a task, for many rows at once, which lead everywhere.
 
-    `begin` and `again`, for the first and for further episodes, return the carry and the observation; `decide` returns
-    the carry and the outcome. `begins` and `decides` say how many numbers from U[0, 1) a row consumes. `packed` holds
-    the rows of a `BodyBatch`, with width 0 for a world. An outcome is a single vector, because every array that crosses
-    the border of compiled code costs time: observation, reward, `terminated`, `truncated` by the dynamics themselves,
-    and for each metric the value and whether it occurred.
+    `begin` and `again`, for the first and for further episodes, return the carry and the observation, new in the rows
+    of a mask; `decide` returns the carry and the outcome. They use up the carry that they are given, which is packed;
+    `blank` makes one for so many rows. `control` is the input of a body; `None` where that is the action itself.
+
+    They read one array of `width` numbers a row: the packed row of a `BodyBatch`, from `action` on the action, and from
+    `chance` on numbers from U[0, 1), of which an episode consumes `begins` and a decision `decides`. An outcome is a
+    single vector, too (`columns`), because every array that crosses the border of compiled code costs time.
     """
 
-    begin: Callable[[AnyArray, AnyArray], tuple[Carry, Array]]
-    again: Callable[[Carry, AnyArray, AnyArray], tuple[Carry, Array]]
-    decide: Callable[[Carry, AnyArray, AnyArray, AnyArray], tuple[Carry, Array]]
+    blank: Callable[[int], Packed]
+    begin: Callable[[Packed, Array, np.ndarray], tuple[Packed, Array]]
+    again: Callable[[Packed, Array, np.ndarray], tuple[Packed, Array]]
+    decide: Callable[[Packed, Array], tuple[Packed, Array]]
+    control: Callable[[Packed, Array], Array] | None
+    action: int
+    chance: int
     begins: int
     decides: int
+    columns: Columns
 
-
-class Outcome(NamedTuple):
-    """The result of a decision, rows leading. `metrics` has for each name the values and whether each occurred."""
-
-    observation: np.ndarray
-    reward: np.ndarray
-    terminated: np.ndarray
-    truncated: np.ndarray
-    diverged: np.ndarray
-    metrics: dict[str, tuple[np.ndarray, np.ndarray]]
+    @property
+    def width(self) -> int:
+        return self.chance + max(self.begins, self.decides)
 
 
 class Rows:
@@ -59,18 +72,21 @@ class Rows:
         if not isinstance(task.dynamics, World) and not isinstance(task, BodyTask):
             raise ValueError(f"task = {task.name!r}: must be over a world or a body to become an environment")
         self.task, self.period = task, task.period
-        self._size, self._limit = task.observation_code.size, task.episode_limit
         self.generators = [np_random()[0] for _ in range(count)]
         self.decisions = np.zeros(count, np.int64)
         on_body = isinstance(task, BodyTask)
         self._body = task.batch(range(count), threads) if on_body else None
         self.activation = np.zeros((count, 0 if self._body is None else len(self._body.groups)))
         """The input of the simulations in the last decision, rows leading; zeros at the start of an episode."""
-        self._packed = np.zeros((count, 0), np.float32) if self._body is None else self._body.packed
         self._every = np.ones(count, bool)
-        self._nothing = np.zeros((count, 0), np.float32)
-        self._functions = functions_of(task)
-        self._carry: Any = None  # a `Carry` once an episode has begun
+        self._functions = functions = functions_of(task)
+        seen, self._seen = shared_memory(count, functions.width)
+        self._dynamics = seen[:, : functions.action]
+        self._action = seen[:, functions.action : functions.chance]
+        self._chance = seen[:, functions.chance :]
+        self.columns = functions.columns
+        self._carry = functions.blank(count)
+        self._begun = np.zeros(count, bool)
         self._closed = False
 
     @property
@@ -81,69 +97,59 @@ class Rows:
         return self._body
 
     def reset(self, mask: np.ndarray, anew: bool = False) -> np.ndarray:
-        """Start new episodes in the rows of `mask` (all of them the first time), and return the observations there.
-        `anew` discards what the task's memory keeps from one episode to the next."""
+        """Start new episodes in the rows of `mask`, and return the observations there. `anew` discards what the task's
+        memory keeps from one episode to the next."""
         functions = self._functions
-        numbers = self._draw(self._functions.begins, mask)
-        if self.body is not None:
+        body = self.body
+        self._draw(functions.begins, mask)
+        if body is not None:
             assert isinstance(self.task, BodyTask)
-            self.body.reset(mask, **self.task.begin(numbers[mask, : self.task.init_uniforms]))
+            body.reset(mask, **self.task.begin(self._chance[mask, : self.task.init_uniforms]))
             self.activation = np.where(mask[:, None], 0.0, self.activation)
-        if anew or self._carry is None:
-            carry, observation = functions.begin(self._packed, numbers)
-        else:
-            carry, observation = functions.again(self._carry, self._packed, numbers)
-        observation = np.array(observation, np.float32)  # also waits until `packed` has been read
-        self._carry = select_rows(mask, carry, self._carry)
+            self._dynamics[...] = body.packed
+        begin = functions.again if self._begun[mask].all() and not anew else functions.begin
+        self._carry, observation = begin(self._carry, self._seen, mask)
+        self._begun |= mask
         self.decisions[mask] = 0
-        return observation[mask]
+        return np.array(observation, np.float32)[mask]  # also waits until what was seen has been read
 
-    def step(self, action: np.ndarray, live: np.ndarray | None = None) -> Outcome:
-        """One decision in the rows of `live`. The others are ignored and must be reset. A diverged row is back at its
-        start: it is truncated, its reward is 0, and none of its metrics occurred."""
-        body, size, limit = self.body, self._size, self._limit
-        if body is None:
-            diverged = np.zeros(len(action), bool)
-        else:
-            assert isinstance(self.task, BodyTask)
-            self.activation = np.asarray(self.task.control(action, self._carry[0]))
+    def step(self, action: np.ndarray, live: np.ndarray | None = None) -> Float[np.ndarray, "rows columns"]:
+        """The outcomes of one decision in the rows of `live`, not to be written to. The others are ignored and must be
+        reset; behind their observations are zeros. A diverged row is back at its start: it is truncated, its reward is
+        0, and none of its metrics occurred."""
+        body = self.body
+        functions = self._functions
+        self._action[...] = action.reshape(self._action.shape)
+        if body is not None:
+            control = functions.control
+            self.activation = action if control is None else np.asarray(control(self._carry, self._seen))
             body.step(self.activation)
-            diverged = body.packed[:, -1] > 0
-        numbers = self._draw(self._functions.decides, self._every if live is None else live)
-        self._carry, outcome = self._functions.decide(self._carry, self._packed, action, numbers)
-        outcome = np.array(outcome, float)  # waits until `packed` and `action` have been read
-        good = ~diverged
-        if live is not None:
-            diverged = diverged & live
-            good = good & live
-        self.decisions += 1 if live is None else live
-        terminated = (outcome[:, size + 1] > 0) & good
-        cut = outcome[:, size + 2] > 0
-        if limit is not None:
-            cut |= self.decisions >= limit
-        truncated = diverged | (cut & good & ~terminated)
-        metrics = {
-            name: (outcome[:, first], (outcome[:, first + 1] > 0) & good)
-            for first, name in zip(range(size + 3, outcome.shape[1], 2), self.task.metric_names, strict=True)
-        }
-        observation = np.array(outcome[:, :size], np.float32)
-        return Outcome(observation, np.where(good, outcome[:, size], 0.0), terminated, truncated, diverged, metrics)
+            self._dynamics[...] = body.packed
+        if functions.decides:
+            self._draw(functions.decides, self._every if live is None else live)
+        self._carry, found = functions.decide(self._carry, self._seen)
+        outcome = np.asarray(found)  # waits until what was seen has been read
+        if live is None:
+            self.decisions += 1
+        else:
+            self.decisions += live
+            outcome = outcome.copy()
+            outcome[~live, self.columns.reward :] = 0.0
+        return outcome
 
     def close(self) -> None:
         """Release the simulations and their threads."""
         self._body = None
-        self._packed = np.zeros((0, 0))
-        self._carry = None
+        self._carry = {}
         self._closed = True
 
-    def _draw(self, size: int, mask: np.ndarray) -> np.ndarray:
+    def _draw(self, size: int, mask: np.ndarray) -> None:
         """Draw numbers from U[0, 1) for the rows of `mask`; the others draw nothing."""
         if not size:
-            return self._nothing
-        drawn = np.zeros((len(mask), size), np.float32)
+            return
+        self._chance.fill(0.0)
         for row in np.flatnonzero(mask):
-            drawn[row] = self.generators[row].random(size, np.float32)
-        return drawn
+            self._chance[row, :size] = self.generators[row].random(size, np.float32)
 
 
 def functions_of(task: Task) -> Functions:
@@ -159,47 +165,87 @@ def _compile(task: Task) -> Functions:
     dynamics = task.dynamics
     world = dynamics if isinstance(dynamics, World) else None
     # a separate batch, because the functions outlive the environment, and its threads must not
-    unpack = task.batch([0], threads=1).unpack if isinstance(task, BodyTask) else None
+    body = task.batch([0], threads=1) if isinstance(task, BodyTask) else None
+    unpack = body.unpack if body else None
     reset, step = (world.reset_uniforms, world.uniforms) if world else (0, 0)
+    begins = reset + task.init_uniforms + task.uniforms
+    decides = step + task.uniforms
+    discrete = task.actions == "discrete"
+    first = body.packed.shape[1] if body else 0  # of the action
+    last = first + (1 if discrete else task.action_size)
 
-    def start(memory: Callable[[Array], PyTree], packed: Array, numbers: Array) -> tuple[Carry, Array]:
-        fresh, init, sensing = jnp.split(numbers, (reset, reset + task.init_uniforms))
+    def start(memory: Callable[[Array], PyTree], row: Array) -> tuple[Carry, Array]:
+        fresh, init, sensing = jnp.split(row[last : last + begins], (reset, reset + task.init_uniforms))
         state = world.reset(fresh) if world else ()
-        after, observation = task.sense(memory(init), unpack(packed) if unpack else state, sensing)
-        return (after, state), observation
+        after, observation = task.sense(memory(init), unpack(row[:first]) if unpack else state, sensing)
+        return (after, state, jnp.int32(0)), observation
 
-    def begin(packed: Array, numbers: Array) -> tuple[Carry, Array]:
-        return start(task.init, packed, numbers)
+    example = jax.eval_shape(lambda row: start(task.init, row)[0], jnp.zeros(last + begins, jnp.float32))
+    packing = Packing(example, 1)
 
-    def again(carry: Carry, packed: Array, numbers: Array) -> tuple[Carry, Array]:
-        return start(lambda init: task.renew(carry[0], init), packed, numbers)
+    def starting(memory: Callable[[Packed], Callable[[Array], PyTree]]) -> Any:
+        def start_where(carry: Packed, row: Array, new: Array) -> tuple[Packed, Array]:
+            after, observation = start(memory(carry), row)
+            after = jax.tree.map(lambda fresh, old: jnp.where(new, fresh, old), packing.pack(after), carry)
+            return after, observation
 
-    def decide(carry: Carry, packed: Array, action: Array, numbers: Array) -> tuple[Carry, Array]:
-        memory, state = carry
-        chance, sensing = jnp.split(numbers, (step,))
+        return jax.jit(jax.vmap(start_where), donate_argnums=0)
+
+    def action_of(row: Array) -> Array:
+        return row[first].astype(jnp.int32) if discrete else row[first:last]
+
+    def decide(carry: Packed, row: Array) -> tuple[Packed, Array]:
+        memory, state, decisions = packing.unpack(carry)
+        action = action_of(row)
+        chance, sensing = jnp.split(row[last : last + decides], (step,))
         state = world.step(state, action, chance) if world else ()
-        seen = unpack(packed) if unpack else state
+        seen = unpack(row[:first]) if unpack else state
         memory, reward, terminated = task.reward(memory, seen, action)
         memory, observation = task.sense(memory, seen, sensing)
         metrics = task.metrics(memory, seen)
-        outcome = [reward, terminated, task.truncated(memory, seen)]
-        outcome += [part for name in task.metric_names for part in metrics[name]]
+        diverged = row[first - 1] > 0 if body else jnp.array(False)
+        good = ~diverged
+        terminated = terminated & good
+        decisions = decisions + 1
+        cut = task.truncated(memory, seen)
+        if task.episode_limit is not None:
+            cut = cut | (decisions >= task.episode_limit)
+        truncated = diverged | (cut & ~terminated)
+        outcome = [jnp.where(good, reward, 0.0), terminated, truncated, diverged]
+        for name in task.metric_names:
+            value, occurred = metrics[name]
+            outcome += [value, occurred & good]
         numbers = jnp.stack([jnp.asarray(part, float) for part in outcome])
-        return (memory, state), jnp.concatenate([observation, numbers])
+        return packing.pack((memory, state, decisions)), jnp.concatenate([observation, numbers])
 
-    first, further, decision = (jax.jit(jax.vmap(each)) for each in (begin, again, decide))
-    return Functions(first, further, decision, reset + task.init_uniforms + task.uniforms, step + task.uniforms)
+    own = False  # whether a body is moved by something else than the action itself
+
+    def control(carry: Packed, row: Array) -> AnyArray:
+        nonlocal own
+        assert isinstance(task, BodyTask)
+        action = action_of(row)
+        found = task.control(action, packing.unpack(carry)[0])
+        own = found is not action
+        return found
+
+    packed = jax.eval_shape(packing.pack, example)
+    size = task.observation_code.size
+    metrics = dict(zip(task.metric_names, itertools.count(size + 4, 2), strict=False))
+    columns = Columns(size, size + 1, size + 2, size + 3, metrics)
+    if body:
+        jax.eval_shape(control, packed, jnp.zeros(last + begins, jnp.float32))
+    return Functions(
+        blank=lambda count: {name: jnp.zeros((count, *part.shape), part.dtype) for name, part in packed.items()},
+        begin=starting(lambda carry: task.init),
+        again=starting(lambda carry: functools.partial(task.renew, packing.unpack(carry)[0])),
+        decide=in_one_piece(jax.vmap(decide)),
+        control=jax.jit(jax.vmap(control)) if own else None,
+        action=first,
+        chance=last,
+        begins=begins,
+        decides=decides,
+        columns=columns,
+    )
 
 
 _once = functools.lru_cache(maxsize=32)(_compile)
-
-
-def select_rows(mask: np.ndarray, new: PyTree[AnyArray], old: PyTree[AnyArray]) -> PyTree[AnyArray]:
-    """`new` in the rows of `mask`, `old` elsewhere."""
-
-    def pick(a: npt.ArrayLike, b: npt.ArrayLike) -> np.ndarray:
-        a = np.asarray(a)
-        b = np.asarray(b)
-        return np.where(mask.reshape((-1,) + (1,) * (a.ndim - 1)), a, b)
-
-    return new if mask.all() else jax.tree.map(pick, new, old)

@@ -15,13 +15,13 @@ from motorgrad._branching import where
 from motorgrad._compiler import in_one_piece
 from motorgrad._errors import check
 from motorgrad._interface import Statistics
+from motorgrad._packing import Packed, Packing, shared_memory
 from motorgrad._random import BLOCK, block_at, draw_block
 from motorgrad.bodies import BodyBatch
 from motorgrad.learning import Learner
 from motorgrad.policies import Policy
 from motorgrad.tasks import HostBatch, HostTask, Task
 from motorgrad.training.engines._cycle import CycleState, Flag, Mode
-from motorgrad.training.engines._packing import Packed, Packing
 from motorgrad.training.engines._programs import shared
 from motorgrad.training.engines._stepper import Program, Record, Stepper, View, check_carries, fits, statistics_of
 from motorgrad.training.engines._transition import Watcher, transition_of_rows
@@ -123,7 +123,7 @@ class HostProgram(Program):
             each = [jax.vmap(functools.partial(self.start_memory, environment=e))(lanes) for e in range(self._envs)]
         return np.stack(each, axis=1).reshape(len(seeds) * self._envs, self.task.init_uniforms)
 
-    def learn_each(self, cycles: Packed, due: Bool[np.ndarray, " seeds"], row: np.ndarray) -> tuple[Packed, np.ndarray]:
+    def learn_each(self, cycles: Packed, due: Bool[np.ndarray, " seeds"], row: Array) -> tuple[Packed, np.ndarray]:
         """Learn from one decision, by the shorter program where no update is `due`. The two may round differently. So a
         seed's program depends on itself alone, and both run where seeds differ, as they do after one of them has
         diverged."""
@@ -448,18 +448,6 @@ class HostStepper(Stepper):
         self._dynamics[...] = self.batch.packed
         self._chance[...] = self._drawn[index]
         return self._seen
-
-
-def shared_memory(rows: int, width: int) -> tuple[Float[np.ndarray, "rows width"], Float[Array, "rows width"]]:
-    """An array, and JAX's view of the same memory. A call takes an array of its own some microseconds sooner than one of
-    NumPy's. JAX takes its arrays for constant, so one may only write between calls, each of which has been waited for.
-    """
-    alignment = 64  # bytes, which XLA requires of memory that it does not copy
-    size = rows * width * np.dtype(np.float32).itemsize
-    raw = np.zeros(size + alignment, np.uint8)
-    first = -raw.ctypes.data % alignment
-    array = raw[first : first + size].view(np.float32).reshape(rows, width)
-    return array, jax.dlpack.from_dlpack(array, copy=False)
 
 
 def seed_of(seed: int, environment: int) -> int:

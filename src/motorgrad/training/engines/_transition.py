@@ -9,10 +9,10 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PyTree
 
 from motorgrad._arrays import AnyArray
+from motorgrad._packing import Packed
 from motorgrad.policies import abilities
 from motorgrad.tasks import Outcome, Task, outcome
 from motorgrad.training.engines._cycle import CycleState
-from motorgrad.training.engines._packing import Packed
 from motorgrad.worlds import World
 
 Transition = dict[str, Array]
