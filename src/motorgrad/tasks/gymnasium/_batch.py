@@ -77,7 +77,9 @@ class EnvironmentBatch:
         self._size = size = math.prod(self._shape)
         self._decisions = 0
         self._begun = [0] * len(self.seeds)  # the decisions before each episode
-        self._outcomes: list[tuple[Any, ...]] = []  # of the last decision: reward, ends, steps made, what was read
+        self._made: list[int] = []  # steps of the last decision
+        # Gymnasium checked a first step when the task was made; in every step, its checker costs a tenth of CartPole's
+        kwargs = {"disable_env_checker": True, **kwargs}
         self._environments = [make_environment(env_id, kwargs) for _ in self.seeds]
         self._close = weakref.finalize(self, _close_all, self._environments)
         self.packed = np.zeros((len(self.seeds), size + 5 + 2 * len(self.info)), np.float32)
@@ -87,19 +89,18 @@ class EnvironmentBatch:
             self._begin(row, seed)
 
     def step(self, actions: Float[np.ndarray, "seeds size"]) -> None:
-        np.copyto(self._before, self.packed)
         repeat, keys = self.repeat, self.info
         chosen = self._code.native(actions[:, 0] if self._code.kind == "discrete" else actions)
         seen: list[Any] = []
-        outcomes: list[tuple[Any, ...]] = []
+        numbers: list[Any] = []  # all that is packed behind the observations
         read: Sequence[float] = ()
         sums = read
         reward: Any
         total: Any = 0.0
-        for row, (environment, action) in enumerate(zip(self._environments, chosen, strict=True)):
-            made = 0
+        row = 0
+        for environment, action in zip(self._environments, chosen, strict=True):
+            made = 1
             while True:
-                made += 1
                 try:
                     returned = environment.step(action)
                 except Exception as error:
@@ -118,18 +119,26 @@ class EnvironmentBatch:
                 if made == repeat or terminated or truncated:
                     break
                 total, sums = reward, read
+                made += 1
             seen.append(observation)
-            outcomes.append((reward, terminated, truncated, made, *read, 0.0))
+            numbers += (reward, terminated, truncated, made)
+            if keys:
+                numbers += read
+            row += 1
         self._decisions += 1
-        self._outcomes = outcomes
+        width = len(numbers) // row
+        self._made = numbers[3::width]
         packed, size = self.packed, self._size
         observations = stacked(seen, self._shape)
         if observations is None:
             raise self._misfit(seen, chosen)
+        np.copyto(self._before, packed)
+        behind = np.fromiter(numbers, float, len(numbers)).reshape(row, width)
         with np.errstate(over="ignore"):  # numbers beyond single precision become infinite, which is detected below
-            packed[:, :size] = observations.reshape(len(seen), size)
-            packed[:, size:] = outcomes
-        self.lost = not np.isfinite(packed).all()
+            packed[:, :size] = observations.reshape(row, size)
+            packed[:, size:-1] = behind
+        packed[:, -1] = 0.0
+        self.lost = np.count_nonzero(np.isfinite(packed)) < packed.size
         if self.lost:
             broken = ~np.isfinite(packed).all(axis=1)
             packed[broken, :size] = self._before[broken, :size]
@@ -195,7 +204,7 @@ class EnvironmentBatch:
     def _last_step(self, row: int, action: object = None) -> str:
         """The last step of the decision before, in words; step 0 before an episode's first decision."""
         some = self._decisions > self._begun[row]
-        return self._step(row, self._outcomes[row][3] if some else 0, action, int(some))
+        return self._step(row, self._made[row] if some else 0, action, int(some))
 
     def _misfit(self, seen: Sequence[Any], chosen: np.ndarray) -> Exception:
         """The error for the first observation that does not fit the observation space."""
