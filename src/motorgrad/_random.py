@@ -29,7 +29,8 @@ def block_at(decision: int) -> tuple[int, int]:
     """The number of the block of a decision, and its place in it. **Raises** `ValueError` from 549,755,813,888
     decisions on: blocks are numbered in 32 bits, and must not repeat."""
     block, place = divmod(decision, BLOCK)
-    check(block < 2**32, "decisions", f"{decision:,}", f"at most {2**32 * BLOCK:,}; begin another run")
+    if block >= 2**32:
+        check(False, "decisions", f"{decision:,}", f"at most {2**32 * BLOCK:,}; begin another run")
     return block, place
 
 

@@ -127,9 +127,10 @@ class HostProgram(Program):
         """Learn from one decision, by the shorter program where no update is `due`. The two may round differently. So a
         seed's program depends on itself alone, and both run where seeds differ, as they do after one of them has
         diverged."""
-        if due.all():
+        updates = np.count_nonzero(due)
+        if updates == len(due):
             return self.learn(cycles, row)
-        if not due.any():
+        if not updates:
             return self.learn_only(cycles, row)
         with _alone:
             spare = self._copy(cycles)  # the first call uses up its input
@@ -343,10 +344,10 @@ class HostStepper(Stepper):
     def advance(self, decisions: int) -> None:
         program = self.program
         waits = self.cycle.waits
+        has_episodes = self.task.has_episodes
         envs = self.envs
         check(decisions % envs == 0, "decisions", decisions, f"a multiple of the {envs} environments of a learner")
         for _ in range(decisions // envs):
-            due = self._out[envs - 1 :: envs, -1] < envs
             before = self.batch.packed if self.watcher is None else self.batch.packed.copy()
             self.batch.step(self._out[:, :-2])
             self.decision += envs
@@ -354,11 +355,12 @@ class HostStepper(Stepper):
                 watched = program.watched(self._cycles, before, self._input())
                 self.watcher({name: np.array(part)[None] for name, part in watched.items()})
             if waits:
+                due = self._out[envs - 1 :: envs, -1] < envs
                 self._cycles, self._out = program.learn_each(self._cycles, due, self._input())
             else:
                 self._cycles, self._out = program.learn(self._cycles, self._input())
             self.ended = None
-            if (self.task.has_episodes or self.batch.lost) and np.count_nonzero(self._out[:, -2]):
+            if (has_episodes or self.batch.lost) and np.count_nonzero(self._out[:, -2]):
                 ended = self._out[:, -2] > 0
                 self.ended = self.batch.packed.copy()
                 rows = np.flatnonzero(ended)
