@@ -22,7 +22,7 @@ from motorgrad.learning._gradient_learner import (
 from motorgrad.learning._learner import Needs, Transition, first_decision, with_decision
 from motorgrad.learning._replay import Drawn, Replay
 from motorgrad.learning._scaling import RewardScaling
-from motorgrad.policies import Policy, abilities, trainable
+from motorgrad.policies import Policy, abilities, in_batches, trainable
 from motorgrad.schema import count, inner
 
 
@@ -148,7 +148,8 @@ class ReplayLearner(GradientLearner):
                 if learner.reward_scaling is not None:
                     reward = learner.reward_scaling.factor(state.scaling) * batch.reward
                     batch = batch._replace(reward=reward.astype(batch.reward.dtype))
-                return learner.update_from_batch(state, batch, jax.random.wrap_key_data(words)), None
+                with in_batches():
+                    return learner.update_from_batch(state, batch, jax.random.wrap_key_data(words)), None
 
             return jax.lax.scan(learned, state, drawn)[0]
 

@@ -67,6 +67,7 @@ from motorgrad.policies._oriented import (
 )
 from motorgrad.policies._parameters import fixed, split, trainable
 from motorgrad.policies._policy import Policy, with_interface
+from motorgrad.policies._products import in_batches
 from motorgrad.policies._querying import InitialQueryingMotoneurons, Querying, querying_motoneurons
 from motorgrad.policies._recurrent import InitialRecurrent, Recurrence, Recurrent, recurrent
 from motorgrad.policies._soft_shapes import (
@@ -188,6 +189,7 @@ __all__ = [
     "grow",
     "growing",
     "hyperplanes",
+    "in_batches",
     "initial",
     "layered",
     "mirrored",

@@ -17,7 +17,6 @@ from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._featured import InitialFeatured
 from motorgrad.policies._parameters import (
     in_structure,
-    linear,
     outer,
     outer_sum,
     per_unit,
@@ -25,6 +24,7 @@ from motorgrad.policies._parameters import (
     with_fields,
 )
 from motorgrad.policies._policy import Units, has_rows
+from motorgrad.policies._products import weighted
 from motorgrad.policies._starting import Initial, InitialPolicy, check_interval, function_of
 from motorgrad.schema import kind_of, static
 
@@ -172,7 +172,7 @@ class Hyperplanes(SigmoidUnits):
         return self.weights.shape[0]
 
     def potential(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
-        return linear(self.weights, observation) + self.bias
+        return weighted(self.weights, observation) + self.bias
 
     def potential_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
         return {"weights": jnp.broadcast_to(observation, self.weights.shape), "bias": jnp.ones_like(self.bias)}

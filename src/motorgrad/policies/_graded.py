@@ -21,7 +21,6 @@ from motorgrad.policies._featured import InitialFeatured
 from motorgrad.policies._parameters import (
     fixed,
     in_structure,
-    linear,
     outer,
     outer_sum,
     per_unit,
@@ -30,6 +29,7 @@ from motorgrad.policies._parameters import (
     with_fields,
 )
 from motorgrad.policies._policy import Units, check_shapes, has_rows
+from motorgrad.policies._products import weighted
 from motorgrad.policies._starting import POSITIVE, Initial, InitialPolicy, function_of
 from motorgrad.schema import static
 
@@ -248,7 +248,7 @@ class GradedHyperplanes(GradedUnits):
         return action
 
     def mean(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
-        return linear(self.weights, observation) + self.bias
+        return weighted(self.weights, observation) + self.bias
 
     def mean_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
         return {"weights": jnp.broadcast_to(observation, self.weights.shape), "bias": jnp.ones_like(self.bias)}

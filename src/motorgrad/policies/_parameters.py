@@ -135,14 +135,6 @@ def shared_outer_sum(
     return (weighted.T @ rows).reshape(units, size, size)  # one product is twice as fast as one for each unit
 
 
-def linear(weights: Float[Array, "units inputs"], observation: Float[Array, "*decisions inputs"]) -> Array:
-    r"""$w_i \cdot y$ of every unit: of one observation or, as one product of matrices, of several in rows."""
-    if observation.ndim > 1:
-        return observation @ weights.T
-    # A sum of products instead of a matrix product: XLA then rounds alike for one seed and for many.
-    return jnp.sum(weights * observation, axis=-1)
-
-
 def per_unit(values: Float[Array, " units"], array: Array) -> Array:
     """`values` with trailing axes of length 1, to broadcast against an array that leads with the units."""
     return values.reshape(values.shape + (1,) * (array.ndim - 1))

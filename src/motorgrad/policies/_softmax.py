@@ -11,8 +11,9 @@ from motorgrad._errors import check
 from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._featured import InitialFeatured
-from motorgrad.policies._parameters import in_structure, linear, shared_outer_sum, with_fields
+from motorgrad.policies._parameters import in_structure, shared_outer_sum, with_fields
 from motorgrad.policies._policy import Policy
+from motorgrad.policies._products import weighted
 from motorgrad.policies._starting import Initial, function_of
 from motorgrad.schema import count
 
@@ -44,7 +45,7 @@ class Softmax(Policy):
         return 1
 
     def _logits(self, observation: Float[Array, "*decisions inputs"]) -> Float[Array, "*decisions actions"]:
-        return linear(self.weights, observation)
+        return weighted(self.weights, observation)
 
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " actions"]:
         return self._probs(self._logits(observation))
