@@ -483,15 +483,15 @@ def preset_for(task, **changes):
 
 
 @pytest.mark.ci
-def test_the_preset_averages_the_last_eighth_of_its_steps():
+def test_td3_averages_the_last_eighth_of_its_steps():
     """No step is made before there is enough experience."""
     small = {"policy.network": SMALL, "values.network": SMALL, "replay.batch": 8}
-    agent = mg.agent_for(arm(), small, preset="sac", steps=1_600)
+    agent = mg.agent_for(arm(), small, preset="td3", steps=1_600)
     stepper = stepper_for(arm(), agent, [0])
     stepper.advance(1_600)
     made = int(stepper.state["cycle"].agent.steps[0])
     assert (made - agent.averaging.start) / made == pytest.approx(1_600 / 8 / (1_600 - 1_000), abs=0.1)
-    assert mg.agent_for(arm(), preset="sac", steps=500).averaging.start == 0
+    assert mg.agent_for(arm(), preset="td3", steps=500).averaging.start == 0
 
 
 @pytest.mark.ci
