@@ -109,6 +109,8 @@ def sparse_linear(inputs: int, outputs: int, sparsity: float, key: jax.Array) ->
     drawn, chosen = jax.random.split(key)
     layer = eqx.nn.Linear(inputs, outputs, key=drawn)
     silent = min(math.ceil(sparsity * inputs), inputs - 1)
-    ranks = jnp.argsort(jax.random.uniform(chosen, layer.weight.shape), axis=1)
-    weight = jnp.where(ranks < silent, 0, layer.weight)
+    weight = layer.weight
+    if silent:  # XLA takes seconds to compile a sort
+        ranks = jnp.argsort(jax.random.uniform(chosen, weight.shape), axis=1)
+        weight = jnp.where(ranks < silent, 0, weight)
     return eqx.tree_at(lambda each: (each.weight, each.bias), layer, (weight, jnp.zeros(outputs, weight.dtype)))

@@ -32,6 +32,9 @@ Decision = Callable[..., tuple[CycleState, PyTree]]
 OverSeeds = Callable[..., tuple[Packed, np.ndarray]]
 """The same of all seeds, compiled."""
 
+ONCE = {"xla_backend_optimization_level": 1}
+"""Compiler options of what is called once: LLVM takes half the time over it, for the same numbers."""
+
 _alone = threading.Lock()
 """Held while compiled code runs: two threads of ours in XLA at once can leave its own threads waiting for ever."""
 
@@ -96,7 +99,8 @@ class HostProgram(Program):
         self.pack = jax.jit(jax.vmap(pack))
         self.unpack = jax.jit(jax.vmap(unpack))
         self.start = jax.jit(
-            lambda seeds, n, rows, own: jax.vmap(lambda *of: pack(begin(*of)))(seeds, n, self._by_seed(rows), own)
+            lambda seeds, n, rows, own: jax.vmap(lambda *of: pack(begin(*of)))(seeds, n, self._by_seed(rows), own),
+            compiler_options=ONCE,
         )
         self.first = compiled(self._act)
         self.learn = compiled(self._learn_and_act)
