@@ -16,7 +16,7 @@ BIAS = np.ones(4)
 
 @pytest.mark.parametrize(
     "policy",
-    [Hyperplanes(WEIGHTS, BIAS), GradedHyperplanes(WEIGHTS, BIAS, BIAS), Softmax(WEIGHTS)],
+    [Hyperplanes(WEIGHTS, BIAS), GradedHyperplanes(weights=WEIGHTS, bias=BIAS, log_deviation=BIAS), Softmax(WEIGHTS)],
     ids=lambda policy: type(policy).__name__,
 )
 def test_in_batches_the_weighted_sums_of_units_are_one_product_of_matrices(policy):
