@@ -37,6 +37,11 @@ def test_training_loads_no_library_that_only_some_tasks_and_methods_need(process
     assert loaded("import motorgrad.options", process_environment, RARE) == "[]"
 
 
+def test_records_are_kept_and_read_without_pandas(compiled_environment):
+    train = "import motorgrad as mg; mg.train('three-state', steps=10, progress=False).curve()"
+    assert loaded(train, compiled_environment, {"pandas"}) == "[]"
+
+
 @pytest.mark.parametrize(
     ("use", "needed"),
     [("mg.statistics.mean_of", "numpy"), pytest.param("mg.make('hopper')", "mujoco", marks=pytest.mark.ci)],

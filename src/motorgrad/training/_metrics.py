@@ -9,6 +9,7 @@ import pyarrow as pa
 from jaxtyping import Int
 
 from motorgrad._arrays import AnyArray
+from motorgrad._arrow import column_of, numbers_in
 from motorgrad._errors import check
 from motorgrad.policies import Policy
 from motorgrad.training._run import Run
@@ -45,16 +46,17 @@ class Records:
             **{name: values for name, values in record.items() if name not in ("reward", "parameters")},
         }
         parameters = pa.FixedSizeListArray.from_arrays(
-            pa.array(record["parameters"].ravel().astype(np.float32)), record["parameters"].shape[1]
+            column_of(record["parameters"].ravel().astype(np.float32)), record["parameters"].shape[1]
         )
-        self._tables.append(pa.table({**columns, "parameters": parameters}))
+        arrays = {name: column_of(values) for name, values in columns.items()}
+        self._tables.append(pa.table({**arrays, "parameters": parameters}))
         known = reward[np.isfinite(reward)]
         return float(known.mean()) if len(known) else math.nan
 
     def newest(self) -> dict[str, np.ndarray]:
         """The columns of the newest record but the parameters, `(lanes,)` each."""
         table = self._tables[-1]
-        return {name: table[name].to_numpy() for name in table.column_names if name != "parameters"}
+        return {name: numbers_in(table[name]) for name in table.column_names if name != "parameters"}
 
     def take(self) -> pa.Table | None:
         """Remove and return all rows."""
@@ -64,7 +66,7 @@ class Records:
         self._tables = []
         units = {name: {"unit": unit} for name, unit in self._units.items()}
         fields = [field.with_metadata(units[field.name]) if field.name in units else field for field in table.schema]
-        return table.cast(pa.schema(fields))
+        return pa.table(table.columns, schema=pa.schema(fields))
 
 
 CLOCKS = ("simulated_time", "wall_time", "cpu_time")

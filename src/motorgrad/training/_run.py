@@ -13,11 +13,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from jax.flatten_util import ravel_pytree
 from jax.typing import ArrayLike
 from jaxtyping import Bool, Float, Int, PyTree
 
+from motorgrad._arrow import numbers_in
 from motorgrad._errors import check, choice, counted, unknown
 from motorgrad.learning import Learner
 from motorgrad.policies import Actor, Masked, Policy, abilities, split, with_interface
@@ -109,6 +109,8 @@ class Run:
         config["agent"] = _with_setting(config["agent"], self.settings[index])
         metrics = self.metrics
         if metrics.num_rows:
+            import pyarrow.compute as pc  # most runs have no settings, and it takes a while to load
+
             metrics = metrics.filter(pc.field("setting") == index).drop_columns(["setting"])
         memory = {name: array[rows] for name, array in self._memory.items()}
         found = {name: each if name == "decision" else each[rows] for name, each in self._evaluations.items()}
@@ -348,8 +350,8 @@ class Run:
         known = [c for c in self.metrics.column_names if c not in ("seed", "setting", "decision", "parameters")]
         if quantity not in known:
             raise unknown("quantity", quantity, known)
-        decision = self.metrics["decision"].to_numpy()[:: self.lanes]
-        values = self.metrics[quantity].to_numpy().astype(float).reshape(-1, self.lanes).T
+        decision = numbers_in(self.metrics["decision"])[:: self.lanes]
+        values = numbers_in(self.metrics[quantity]).astype(float).reshape(-1, self.lanes).T
         return decision, values
 
     def final(self, quantity: str = "reward", share: float = 0.25) -> np.ndarray:

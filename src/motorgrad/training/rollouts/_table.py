@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from motorgrad._errors import counted, unknown
 from motorgrad._extras import require
@@ -96,6 +95,8 @@ class Rollout:
         """The rows of one seed, or of one episode. **Raises** `ValueError` for one that is not there."""
         found = self.arrow
         known = self.episodes()
+        import pyarrow.compute as pc  # it takes a while to load
+
         for place, (name, value) in enumerate({"seed": seed, "episode": episode}.items()):
             if value is None:
                 continue
