@@ -14,6 +14,7 @@ Names are loaded when first used, so that importing the package is quick.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from motorgrad._collection import collecting_seldom
 from motorgrad._compiler import compile_small_loops_whole
 from motorgrad._gymnasium_ids import register_with_gymnasium
 from motorgrad._platform import use_the_processor
@@ -86,10 +87,11 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    if name in _ROOM_OF:
-        return getattr(importlib.import_module(f"motorgrad.{_ROOM_OF[name]}"), name)
-    if name in __all__:  # a room
-        return importlib.import_module(f"motorgrad.{name}")
+    with collecting_seldom():
+        if name in _ROOM_OF:
+            return getattr(importlib.import_module(f"motorgrad.{_ROOM_OF[name]}"), name)
+        if name in __all__:  # a room
+            return importlib.import_module(f"motorgrad.{name}")
     raise AttributeError(f"module 'motorgrad' has no attribute {name!r}")
 
 

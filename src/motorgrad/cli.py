@@ -7,6 +7,7 @@ import sys
 import warnings
 from typing import Any, NoReturn
 
+from motorgrad._collection import collecting_seldom
 from motorgrad._consent import allow, allow_words
 from motorgrad._errors import NotTrusted, plain, shown_path
 from motorgrad._processes import IMPORTED, SAFE
@@ -31,7 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(f"motorgrad {__version__}")
             status = 0
         else:
-            with interrupt_when_asked():
+            with interrupt_when_asked(), collecting_seldom():
                 status = _run(name, rest)
         sys.stdout.flush()
         return status

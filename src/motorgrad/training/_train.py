@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._arguments import check_arguments
+from motorgrad._collection import collecting_seldom
 from motorgrad._errors import check
 from motorgrad._platform import tell_the_platform
 from motorgrad._program_store import keep_programs
@@ -123,6 +124,7 @@ def train(
         check_tensorboard()
     lanes = len(arguments.seeds) * max(1, len(arguments.settings))
     with (
+        collecting_seldom(),
         nullcontext() if out is None else RunDirectory(out) as directory,
         TrainingProgress(arguments.task, lanes, arguments.steps, progress) as report,
     ):
