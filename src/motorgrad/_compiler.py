@@ -58,9 +58,23 @@ def in_one_piece(function: Callable[..., tuple[Carry, Out]]) -> Callable[..., tu
 def loop_options() -> dict[str, Any] | None:
     """Compiler options for a loop over decisions: fuse sums with the operations around them, which XLA would otherwise
     hand to a library that requires seeds to be the first axis. `None` if this version of XLA lacks that library."""
+    return _if_known({"xla_cpu_experimental_ynn_fusion_type": ""})
+
+
+@functools.cache
+def quick_options(level: int = 1) -> dict[str, Any] | None:
+    """Compiler options for a program that is called seldom. It compiles in a third of the time: a program that draws
+    random numbers or the weights of networks is thousands of operations, over which LLVM takes seconds.
+
+    At `level` 2 such a program also runs about as fast as by default. At level 0 its results would differ by rounding.
+    """
+    return _if_known({"xla_backend_optimization_level": level, "xla_cpu_use_fusion_emitters": False})
+
+
+def _if_known(options: dict[str, Any]) -> dict[str, Any] | None:
+    """Compiler options, or `None` if this version of XLA lacks one of them."""
     import jax
 
-    options = {"xla_cpu_experimental_ynn_fusion_type": ""}
     try:
         jax.jit(lambda: 0, compiler_options=options)()
     except jax.errors.JaxRuntimeError:

@@ -7,13 +7,15 @@ change stand apart, so that they need not come back.
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
+
+from motorgrad._arrays import AnyArray
 
 Packed = dict[str, Array]
 WORD = jnp.dtype("uint32")
@@ -51,6 +53,21 @@ class Packing:
                 leaf = leaf[start[name] : start[name] + size].reshape(like.shape)
                 start[name] += size
             leaves.append(_of_words(leaf, like.dtype) if name.endswith(WORD.name) else leaf)
+        return jax.tree.unflatten(self._structure, leaves)
+
+    def unpack_all(self, packed: Mapping[str, AnyArray]) -> PyTree[np.ndarray]:
+        """The trees of all seeds, stacked, without a program, which would have to be compiled."""
+        rows = {name: np.asarray(part) for name, part in packed.items()}
+        leaves = []
+        start = dict.fromkeys(rows, 0)
+        for like, name in zip(self._leaves, self._names, strict=True):
+            leaf = rows[name]
+            if not _alone(name):
+                size = math.prod(like.shape)
+                leaf = leaf[:, start[name] : start[name] + size].reshape(len(leaf), *like.shape)
+                start[name] += size
+            flags = name.endswith(WORD.name) and like.dtype.kind == "b"
+            leaves.append(leaf != 0 if flags else leaf.view(like.dtype))
         return jax.tree.unflatten(self._structure, leaves)
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from motorgrad._arrays import AnyArray
 from motorgrad._branching import where
-from motorgrad._compiler import in_one_piece
+from motorgrad._compiler import in_one_piece, quick_options
 from motorgrad._errors import check
 from motorgrad._interface import Statistics
 from motorgrad._packing import Packed, Packing, shared_memory
@@ -31,9 +31,6 @@ Decision = Callable[..., tuple[CycleState, PyTree]]
 """A part of a decision of one seed: from its cycle and what it needs beside it, to the next one and what comes out."""
 OverSeeds = Callable[..., tuple[Packed, np.ndarray]]
 """The same of all seeds, compiled."""
-
-ONCE = {"xla_backend_optimization_level": 1}
-"""Compiler options of what is called once: LLVM takes half the time over it, for the same numbers."""
 
 _alone = threading.Lock()
 """Held while compiled code runs: two threads of ours in XLA at once can leave its own threads waiting for ever."""
@@ -76,10 +73,11 @@ class HostProgram(Program):
             self._own = self._belonging(single, uniforms)
             begin = self._begin_all
             begun = jax.eval_shape(begin, jnp.int32(0), numbers, jnp.stack([row] * envs), given)
+        seldom = functools.partial(jax.jit, compiler_options=quick_options())
         packing = Packing(begun, seeds, self._still(single, row, uniforms) if self.cycle.waits else ())
         pack, unpack = packing.pack, packing.unpack
 
-        @jax.jit
+        @functools.partial(jax.jit, compiler_options=quick_options(2))
         def drawn(seeds: Array, block: Array) -> Float[Array, "decisions rows size"]:
             parts = [draw_block(seeds, name, block, envs * size) for name, size in self.sizes.items()]
             rows = [jnp.swapaxes(part, 1, 2).reshape(BLOCK, len(seeds) * envs, -1) for part in parts]
@@ -91,16 +89,19 @@ class HostProgram(Program):
 
         def view(view: View) -> Any:
             one = jax.vmap(lambda cycle, row: view(self._first(cycle), self._unpack_row(row)))
-            return jax.jit(lambda cycles, rows: one(jax.vmap(unpack)(cycles), rows[::envs]))
+            return seldom(lambda cycles, rows: one(jax.vmap(unpack)(cycles), rows[::envs]))
+
+        def first_numbers(seed: Array) -> Float[Array, "envs size"]:
+            return jnp.stack([self.start_memory(seed, environment) for environment in range(envs)])
 
         compiled = functools.partial(self._over_seeds, packing)
         self._drawn = drawn
+        self._first_numbers = seldom(jax.vmap(first_numbers))
         self.watched = transition_of_rows(task, unpack, self._unpack_row, self.sizes)
-        self.pack = jax.jit(jax.vmap(pack))
-        self.unpack = jax.jit(jax.vmap(unpack))
-        self.start = jax.jit(
-            lambda seeds, n, rows, own: jax.vmap(lambda *of: pack(begin(*of)))(seeds, n, self._by_seed(rows), own),
-            compiler_options=ONCE,
+        self.pack = seldom(jax.vmap(pack))
+        self.unpack = packing.unpack_all
+        self.start = seldom(
+            lambda seeds, n, rows, own: jax.vmap(lambda *of: pack(begin(*of)))(seeds, n, self._by_seed(rows), own)
         )
         self.first = compiled(self._act)
         self.learn = compiled(self._learn_and_act)
@@ -108,11 +109,11 @@ class HostProgram(Program):
         self._copy = jax.jit(lambda cycles: jax.tree.map(jnp.copy, cycles))
         self._merge = jax.jit(jax.vmap(lambda one, x, y: jax.tree.map(lambda a, b: jnp.where(one, a, b), x, y)))
         self.again = compiled(self._restart_and_act)
-        self.harvest = jax.jit(jax.vmap(harvest), donate_argnums=0)
-        self.decisions_until_due = jax.jit(
+        self.harvest = seldom(jax.vmap(harvest), donate_argnums=0)
+        self.decisions_until_due = seldom(
             jax.vmap(lambda cycle: self._until_due(self._first(unpack(cycle)), jnp.result_type(float)))
         )
-        self.resume = jax.jit(jax.vmap(self._resume))
+        self.resume = seldom(jax.vmap(self._resume))
         self.viewer = view
 
     def draw(self, seeds: np.ndarray, block: int) -> Float[np.ndarray, "decisions rows size"]:
@@ -123,9 +124,7 @@ class HostProgram(Program):
     def first_numbers(self, seeds: np.ndarray) -> Float[np.ndarray, "rows size"]:
         """The random numbers of all environments for the start of their first episode."""
         with _alone:
-            lanes = jnp.asarray(seeds)
-            each = [jax.vmap(functools.partial(self.start_memory, environment=e))(lanes) for e in range(self._envs)]
-        return np.stack(each, axis=1).reshape(len(seeds) * self._envs, self.task.init_uniforms)
+            return np.asarray(self._first_numbers(seeds)).reshape(len(seeds) * self._envs, self.task.init_uniforms)
 
     def learn_each(self, cycles: Packed, due: Bool[np.ndarray, " seeds"], row: Array) -> tuple[Packed, np.ndarray]:
         """Learn from one decision, by the shorter program where no update is `due`. The two may round differently. So a

@@ -1,5 +1,6 @@
 """The engine for worlds: one compiled loop over decisions, mapped over seeds."""
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -8,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from motorgrad._compiler import loop_options
+from motorgrad._compiler import loop_options, quick_options
 from motorgrad._random import BLOCK, block_at, draw_block, key_of
 from motorgrad.learning import Learner
 from motorgrad.policies import Policy
@@ -32,12 +33,13 @@ class WorldProgram(Program):
         super().__init__(task, agent, mode, first_episode=first_episode)
         assert isinstance(task.dynamics, World)
         self.world = task.dynamics
-        self.begin = jax.jit(jax.vmap(self._begin, out_axes=self.axes))
+        seldom = functools.partial(jax.jit, compiler_options=quick_options())
+        self.begin = seldom(jax.vmap(self._begin, out_axes=self.axes))
         self.run = jax.jit(self._decisions, donate_argnums=0, compiler_options=loop_options())
-        self.harvest = jax.jit(
+        self.harvest = seldom(
             jax.vmap(self.summarize, in_axes=self.axes[:1], out_axes=(self.axes[0], -1)), donate_argnums=0
         )
-        self.resume = jax.jit(jax.vmap(self._resume, in_axes=(0, *self.axes, 0), out_axes=self.axes[0]))
+        self.resume = seldom(jax.vmap(self._resume, in_axes=(0, *self.axes, 0), out_axes=self.axes[0]))
         self.watch = jax.jit(self._watch, donate_argnums=0, compiler_options=loop_options())
 
     def _begin(self, seed: Array, numbers: Array, initial: Policy | None) -> Carry:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from motorgrad._compiler import loop_options
+from motorgrad._compiler import loop_options, quick_options
 from motorgrad.pages import size_of
 from timlab.compiler._evaluation import Axes, Carry, Numbers, Values
 from timlab.compiler._host_loop import HostLoop
@@ -38,7 +38,8 @@ class Loop:
         self.step, self.seeds, self.axes = step, seeds, axes
         self._call: Any = None
         self._peek = jax.jit(self._peeked)
-        self.init = jax.jit(jax.vmap(step.init, in_axes=(axes, 0), out_axes=-1))
+        started = jax.vmap(step.init, in_axes=(axes, 0), out_axes=-1)
+        self.init = jax.jit(started, compiler_options=quick_options())
 
     @functools.cached_property
     def longest(self) -> int:
