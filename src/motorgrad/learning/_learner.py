@@ -9,6 +9,7 @@ they lack it. Nothing here knows the task.
 
 import abc
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar
 
@@ -291,14 +292,21 @@ def _takes_turns(part: object) -> bool:
 
 def _check_differentiable(policy: Policy, kind: str) -> None:
     """Refuse a policy whose actions JAX does not differentiate."""
+    leaves, structure = jax.tree.flatten(policy)
+    try:
+        _differentiate(structure, *(jax.ShapeDtypeStruct(jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves))
+    except ValueError as error:  # such as the beta distribution, whose quantiles JAX does not differentiate
+        wanted = "one whose actions JAX can differentiate, such as of the densities 'squashed' and 'clipped'"
+        raise ValueError(f"policy = {kind!r}: must be {wanted}") from error
+
+
+@functools.lru_cache  # a learner is begun a dozen times before its first decision, mostly traced
+def _differentiate(structure: jax.tree_util.PyTreeDef, *leaves: jax.ShapeDtypeStruct) -> None:
+    """Trace the gradient of the actions of a policy."""
 
     def slope(policy: Policy) -> PyTree[Array]:
         observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
         numbers = jnp.zeros(policy.uniforms, observation.dtype)
         return eqx.filter_grad(lambda present: jnp.sum(present.sample(observation, numbers)))(policy)
 
-    try:
-        eqx.filter_eval_shape(slope, policy)
-    except ValueError as error:  # such as the beta distribution, whose quantiles JAX does not differentiate
-        wanted = "one whose actions JAX can differentiate, such as of the densities 'squashed' and 'clipped'"
-        raise ValueError(f"policy = {kind!r}: must be {wanted}") from error
+    eqx.filter_eval_shape(slope, jax.tree.unflatten(structure, leaves))
