@@ -1,9 +1,11 @@
-"""The engine stands by itself: no web package is loaded with it."""
+"""The engine stands by itself: no web package is loaded with it, and no solver that a diagram does not use."""
 
 import subprocess
 import sys
 
 import pytest
+
+from motorgrad._program_store import VARIABLE
 
 WEB = ("starlette", "uvicorn", "websockets", "viser", "anywidget", "tornado", "aiohttp")
 
@@ -24,3 +26,18 @@ print(timlab.Run(diagram).advance(2)["end.u"].tolist(), timlab.Interpreter(diagr
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=process_environment)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "[[2.0, 2.0]] [[2.0]]"
+
+
+def test_the_first_tick_loads_no_solver_and_its_programs_are_kept(process_environment, tmp_path):
+    code = """
+import sys
+from timlab import Run
+from timlab.gallery import example
+Run(example("chain")).advance(1)
+print([name for name in ("diffrax", "optimistix", "lineax") if name in sys.modules])
+"""
+    kept = process_environment | {VARIABLE: str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=kept)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[]"
+    assert [*tmp_path.glob("*/jit__ticks-*")]

@@ -301,7 +301,7 @@ def _check_differentiable(policy: Policy, kind: str) -> None:
 
 
 @functools.lru_cache  # a learner is begun a dozen times before its first decision, mostly traced
-def _differentiate(structure: jax.tree_util.PyTreeDef, *leaves: jax.ShapeDtypeStruct) -> None:
+def _differentiate(structure: Any, *leaves: jax.ShapeDtypeStruct) -> None:
     """Trace the gradient of the actions of a policy."""
 
     def slope(policy: Policy) -> PyTree[Array]:

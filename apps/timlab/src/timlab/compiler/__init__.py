@@ -8,7 +8,7 @@ from timlab.compiler._faults import CROSSINGS, LOOP, LOST, NONE, SHORT, SIGNAL, 
 from timlab.compiler._host_loop import HostLoop
 from timlab.compiler._integrate import integrated, rk4_growth
 from timlab.compiler._loops import root
-from timlab.compiler._methods import METHODS
+from timlab.compiler._methods import method_named
 from timlab.compiler._plan import Plan, address_of, is_mode, plan, problems, with_watched
 from timlab.compiler._program import Loop, cached_program
 from timlab.compiler._stack import Stacks, stack

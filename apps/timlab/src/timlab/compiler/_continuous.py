@@ -9,7 +9,7 @@ from timlab.compiler._adaptive import Crossed, advanced, begin
 from timlab.compiler._evaluation import ROWS, Carry, Crossings, Evaluation, Numbers, States, Values
 from timlab.compiler._faults import NONE, Fault, joined, owners
 from timlab.compiler._integrate import integrated
-from timlab.compiler._methods import METHODS
+from timlab.compiler._methods import method_named
 from timlab.compiler._stack import Environment
 from timlab.diagram import Moment, Seconds, blur, clock
 
@@ -79,7 +79,7 @@ class Continuous:
             stays = jnp.where(carry.fault["kind"] != NONE, length, 0.0)
             position = begin(carry.pace["step"], state, modes, above, stays)
             shares = self._joined(self._all_shares(carry.shares))
-            end = advanced(self, METHODS[solver.name], solver.tolerances, position, shares, length)
+            end = advanced(self, method_named(solver.name), solver.tolerances, position, shares, length)
             shares = self._split(end.holds.shares) if step.holding else {}
             shares = {k: shares[k] for k in carry.shares}
             chatter = end.holds.chatter(length) if step.crossings else None

@@ -1,9 +1,9 @@
 """Steps with an estimate of their error: explicit Runge–Kutta and Rosenbrock methods."""
 
+import functools
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +11,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PyTree
 
 from motorgrad._linear_algebra import linear_solve
+
+if TYPE_CHECKING:
+    import diffrax  # loading it takes longer than all of TimLab
 
 Evaluate = Callable[[PyTree[Array], Array], tuple[PyTree[Array], Array]]
 """Of a state and the seconds since the tick: the state's slope, and the levels of the zero crossings."""
@@ -31,7 +34,7 @@ class Method(NamedTuple):
     attempt: Callable[[Evaluate, PyTree[Array], Array, Array, PyTree[Array], bool], Attempted]
 
 
-def explicit(tableau: diffrax.ButcherTableau, order: int) -> Method:
+def explicit(tableau: "diffrax.ButcherTableau", order: int) -> Method:
     """The explicit Runge–Kutta method of one of diffrax's tableaus, whose last stage is the new state's slope."""
     stages = list(zip(tableau.c.tolist(), map(tuple, tableau.a_lower), strict=True))
     errors = tuple(np.asarray(tableau.b_error, float))
@@ -203,10 +206,13 @@ def inverted(matrix: Array) -> Array:
     return rows[:, size:]
 
 
-METHODS = {
-    "tsit5": explicit(diffrax.Tsit5.tableau, 5),
-    "dopri8": explicit(diffrax.Dopri8.tableau, 8),
-    "rodas5p": Method(5, True, _rodas5p),
-}
-"""By the names of solvers. diffrax has no Rosenbrock method: its implicit ones iterate, and a call with many seeds
-waits for the slowest iteration."""
+@functools.cache
+def method_named(solver: str) -> Method:
+    """The method of a solver. diffrax has no Rosenbrock method: its implicit ones iterate, and a call with many seeds
+    waits for the slowest iteration."""
+    if solver == "rodas5p":
+        return Method(5, True, _rodas5p)
+    import diffrax
+
+    tableau, order = {"tsit5": (diffrax.Tsit5.tableau, 5), "dopri8": (diffrax.Dopri8.tableau, 8)}[solver]
+    return explicit(tableau, order)

@@ -11,6 +11,7 @@ from jaxtyping import Array, PyTree
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
+from motorgrad._program_store import keep_programs
 from timlab.compiler import (
     Carry,
     HostLoop,
@@ -77,6 +78,7 @@ class Run:
         threads: int = 0,
         stacked: bool = True,
     ):
+        keep_programs()
         check_arguments(Run, locals())
         self.seeds = _checked_seeds(seeds)
         self.plan = with_watched(plan(diagram), watch)

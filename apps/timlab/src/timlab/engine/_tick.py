@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from timlab.compiler import METHODS, Crossed, advanced, begin, integrated, owners
+from timlab.compiler import Crossed, advanced, begin, integrated, method_named, owners
 from timlab.diagram import Seconds, blur, clock
 from timlab.engine._blocks import Blocks, Values, while_loop
 
@@ -69,7 +69,7 @@ class Tick:
         if solver.adapts:
             position = begin(every.pace["step"], state, modes, above)
             shares = self._shares()
-            end = advanced(self, METHODS[solver.name], solver.tolerances, position, shares, length, while_loop)
+            end = advanced(self, method_named(solver.name), solver.tolerances, position, shares, length, while_loop)
             every.pace = {"step": end.pace}
             shares = self._split(end.holds.shares) if every.shares else {}
             every.shares = {i: shares[i] for i in every.shares}

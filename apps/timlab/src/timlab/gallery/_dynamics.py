@@ -1,7 +1,6 @@
 """Diagrams that do not learn: a controller, an attractor, a ball, a pendulum, spiking neurons."""
 
 import numpy as np
-from scipy.linalg import solve_continuous_are
 
 from timlab.blocks import (
     PID,
@@ -194,6 +193,8 @@ def pendulum() -> Diagram:
 
 def _balancing_gains() -> np.ndarray:
     """The gains of the linear–quadratic regulator for the upright pendulum: of position, speed, angle and rate."""
+    from scipy.linalg import solve_continuous_are  # for this diagram alone, and it takes a while to load
+
     a = np.array(
         [
             [0, 1, 0, 0],
