@@ -17,8 +17,10 @@ import needed
 _WORKER = "PYTEST_XDIST_WORKER" in os.environ
 _RUN = Path(os.environ[compilations.FOLDER]) if _WORKER else compilations.open_run()
 # XLA's new emitters of fused operations take half as long again to compile as the old ones, and pay for large arrays
-# only. The small loops over decisions use neither, so tests run the code that users run.
-_FLAGS = os.environ.get("XLA_FLAGS", "") + ("" if _WORKER else " --xla_cpu_use_fusion_emitters=false")
+# only. The small loops over decisions use neither. LLVM's higher levels take a tenth of the time of all tests, and pay
+# for many decisions of many seeds. XLA's own passes, where sums are reordered, are those that users have.
+_QUICK = "--xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=1"
+_FLAGS = os.environ.get("XLA_FLAGS", "") + ("" if _WORKER else f" {_QUICK}")
 _COMPILER = compilations.environment(_RUN) | {"XLA_FLAGS": _FLAGS}
 _BROWSERS = {"browser", "chromium"}  # fixtures
 _FIXTURES_NEED = dict.fromkeys(_BROWSERS, "chromium") | {"silhouette": "OpenGL"}
