@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from motorgrad._compiler import compilations, compile_small_loops_whole
+from motorgrad._compiler import compilations, compile_small_loops_whole, quick_options
 
 TELL = "import os, json; print(json.dumps(os.environ.get('XLA_FLAGS', '')))"
 
@@ -43,6 +43,23 @@ def test_a_version_that_was_not_tried_gets_no_options(monkeypatch):
     monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_max_isa=AVX2")
     compile_small_loops_whole()
     assert os.environ["XLA_FLAGS"] == "--xla_cpu_max_isa=AVX2"
+
+
+@pytest.mark.parametrize("level", [1, 2])
+def test_a_program_that_is_compiled_quickly_computes_the_same(level):
+    import jax
+    import numpy as np
+
+    def weights(seed):
+        drawn = jax.random.truncated_normal(jax.random.key(seed), -2, 2, (64, 48))
+        return drawn / 7, jax.random.uniform(jax.random.key(seed + 1), (128, 9))
+
+    options = quick_options(level)
+    assert options is not None  # XLA knows them
+    quick, whole = (
+        jax.jit(weights, compiler_options=each)(5) for each in (options, {"xla_backend_optimization_level": 3})
+    )
+    assert all(map(np.array_equal, quick, whole))
 
 
 def test_what_a_user_has_said_stays(process_environment):
