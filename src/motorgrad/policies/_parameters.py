@@ -130,7 +130,8 @@ def shared_outer_sum(
     weights: Float[Array, "rows units"], rows: Float[Array, "rows inputs"]
 ) -> Float[Array, "units inputs inputs"]:
     """The sums of the outer products of rows with themselves that all units share, each by weights of its own."""
-    units, size = weights.shape[1], rows.shape[1]
+    units = weights.shape[1]
+    size = rows.shape[1]
     weighted = (weights[:, :, None] * rows[:, None, :]).reshape(len(rows), units * size)
     return (weighted.T @ rows).reshape(units, size, size)  # one product is twice as fast as one for each unit
 
