@@ -21,7 +21,7 @@ from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.learning import SGD, Adam, Agent, Learner, olgarb, olpomdp
 from motorgrad.policies import bounded_hyperplanes, hyperplanes, softmax
 from motorgrad.presets import natural
-from motorgrad.tasks import BodyTask, Hopper, HostTask, from_gymnasium, myosuite
+from motorgrad.tasks import BodyTask, Hopper, HostTask, from_gymnasium
 from motorgrad.training import BodyStepper, Run, SideBySide, agent_for, stepper_for, train, training_stepper_for
 
 
@@ -75,36 +75,6 @@ def composed(task: BodyTask, learner: str, seeds: int, decisions: int, pairs: in
 
 SUITE = ("this row needs", "myosuite", "myosuite")
 """What `require` is given before anything of MyoSuite is measured."""
-
-
-def suite(env_id: str, learner: str, seeds: int, decisions: int, pairs: int) -> Figures:
-    """Learning in a task of MyoSuite, rebuilt, as `composed`."""
-    require(*SUITE)
-    return composed(myosuite(env_id, actions="binary"), learner, seeds, decisions, pairs)
-
-
-def suite_step(env_id: str, decisions: int, pairs: int) -> Figures:
-    """MyoSuite's own steps per second, against `mujoco.mj_step` alone."""
-    require(*SUITE)
-    myosuite(env_id, actions="binary")  # registers the ids
-    theirs = gymnasium.make(env_id)
-    theirs.reset(seed=0)
-    inner: Any = theirs.unwrapped
-    data = mujoco.MjData(inner.model)
-    controls = np.random.default_rng(0).uniform(size=(decisions, inner.model.nu))
-    actions = (2 * controls - 1).astype(np.float32)
-
-    def own() -> None:
-        for action in actions:
-            if any(theirs.step(action)[2:4]):
-                theirs.reset()
-
-    def bare() -> None:
-        for control in controls:
-            data.ctrl[:] = control
-            mujoco.mj_step(inner.model, data, inner.frame_skip)
-
-    return in_turn("physics steps/s", decisions * inner.frame_skip, own, bare, pairs=pairs)
 
 
 SLOW_BODY = 20

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from motorgrad._extras import require
-from motorgrad.benchmarks import _bodies, _hand, _learners, _measure, _networks, _peers
+from motorgrad.benchmarks import _bodies, _learners, _measure, _networks, _peers, _suite
 from motorgrad.benchmarks._arm18 import reach18
 from motorgrad.benchmarks._measure import Figures
 from motorgrad.benchmarks._rows import Goal, Row
@@ -26,10 +26,10 @@ def _of_bodies() -> list[Row]:
         return lambda quick, pairs: _bodies.body(make(), seeds, quickly if quick else decisions, pairs)
 
     def reach(preset: str):
-        return lambda quick, pairs: _bodies.composed(reach18(), preset, 16, 20 if quick else 640, pairs)
+        return lambda quick, pairs: _bodies.composed(reach18(), preset, 16, 20 if quick else 1000, pairs)
 
     def finger(preset: str):
-        return lambda quick, pairs: _bodies.suite(FINGER, preset, 16, 20 if quick else 1000, pairs)
+        return lambda quick, pairs: _suite.suite(FINGER, preset, 16, 20 if quick else 1000, pairs)
 
     bare = "learning ÷ bare physics"
     arm = "composed reach, arm of 18 muscles"
@@ -47,12 +47,12 @@ def _of_bodies() -> list[Row]:
         Row(
             "finger-own-step",
             f"{FINGER}, MyoSuite's own step ÷ mj_step",
-            lambda quick, pairs: _bodies.suite_step(FINGER, 20 if quick else 1000, pairs),
+            lambda quick, pairs: _suite.suite_step(FINGER, 20 if quick else 1000, pairs),
         ),
         Row(
             "hand-sac",
-            f"{_hand.HAND}, preset sac, {bare}, 1 seed",
-            lambda quick, pairs: _hand.learning(400, pairs),
+            f"{_suite.HAND}, preset sac, {bare}, 1 seed",
+            lambda quick, pairs: _suite.hand(400, pairs),
             Goal(0.75),
             quick=False,
         ),
@@ -187,12 +187,12 @@ def _of_processes() -> list[Row]:
         return measure
 
     suite = "myosuite"
-    finger = _hand.ONE_DECISION.format(task=FINGER, actions="binary", preset="natural")
-    hand = _hand.ONE_DECISION.format(task=_hand.HAND, actions="continuous", preset="sac")
+    finger = _suite.ONE_DECISION.format(task=FINGER, actions="binary", preset="natural")
+    hand = _suite.ONE_DECISION.format(task=_suite.HAND, actions="continuous", preset="sac")
     starts = (
         ("hopper", "motorgrad train hopper", lambda out: [*TRAIN_ONE, str(out)], "", 5),
         ("finger", f"natural on {FINGER}", lambda out: ["-c", finger], suite, 10),
-        ("hand", f"sac on {_hand.HAND}", lambda out: ["-c", hand], suite, 15),
+        ("hand", f"sac on {_suite.HAND}", lambda out: ["-c", hand], suite, 15),
     )
     heights = _bodies.learned_heights
     return [
@@ -227,8 +227,8 @@ def _of_processes() -> list[Row]:
         ),
         Row(
             "memory-hand-sac",
-            f"peak memory, sac on {_hand.HAND}",
-            lambda quick, pairs: _hand.memory(),
+            f"peak memory, sac on {_suite.HAND}",
+            lambda quick, pairs: _suite.hand_memory(),
             Goal(0.8, "GB", at_most=True),
             quick=False,
         ),

@@ -89,8 +89,11 @@ class HostProgram(Program):
 
         def view(view: View) -> Any:
             one = jax.vmap(lambda cycle, row: view(self._first(cycle), self._unpack_row(row)))
-            shown = lambda cycles, rows: one(jax.vmap(unpack)(cycles), rows[::envs])  # noqa: E731
-            return jax.jit(shown, compiler_options=quick_options(2))
+
+            def of_all(cycles: Packed, rows: Array) -> Any:
+                return one(jax.vmap(unpack)(cycles), rows[::envs])
+
+            return jax.jit(of_all, compiler_options=quick_options(2))
 
         def first_numbers(seed: Array) -> Float[Array, "envs size"]:
             return jnp.stack([self.start_memory(seed, environment) for environment in range(envs)])
