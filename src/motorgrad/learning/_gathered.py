@@ -11,6 +11,7 @@ where $z_{-1}$ is the trace of the batch before. Nothing else is approximated: t
 the other but for rounding.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import jax
@@ -30,18 +31,13 @@ from motorgrad.policies import Policy, abilities
 
 
 class Gathered(NamedTuple):
-    """The decisions of a batch, of which the first `waiting` are filled in.
+    """The decisions of a batch in `rows`, of which the first `waiting` are filled in.
 
-    `rewards`, the observations `following` and `terminated` are what each led to; after an `end` another episode began.
-    `fresh` says whether one began with the first decision.
+    A row has the observation, the action, the observation and the reward that followed, and two flags: whether the
+    episode terminated, and whether one had begun with this decision. `fresh` says whether one begins with the next.
     """
 
-    observations: Float[Array, "batch inputs"]
-    actions: Array
-    following: Float[Array, "batch inputs"]
-    rewards: Float[Array, " batch"]
-    terminated: Bool[Array, " batch"]
-    ends: Bool[Array, " batch"]
+    rows: Float[Array, "batch numbers"]
     waiting: Int[Array, ""]
     fresh: Bool[Array, ""]
 
@@ -49,35 +45,69 @@ class Gathered(NamedTuple):
     def empty(cls, policy: Policy, size: int) -> "Gathered":
         """A batch of this size without decisions."""
         observations, actions = empty_rows(policy, size)
-        no = jnp.zeros(size, bool)
-        following = jnp.zeros_like(observations)
-        rewards = jnp.zeros(size, observations.dtype)
-        return cls(observations, actions, following, rewards, no, no, jnp.zeros((), jnp.int32), jnp.zeros((), bool))
+        width = 2 * observations.shape[1] + actions[0].size + 3
+        return cls(jnp.zeros((size, width), observations.dtype), jnp.zeros((), jnp.int32), jnp.zeros((), bool))
 
     def add(self, transition: Transition) -> "Gathered":
         """The batch with one more decision. One that diverged is written, too, and overwritten by the next."""
-
-        def put(rows: Array, row: Any) -> Array:
-            return rows.at[self.waiting].set(jnp.asarray(row, rows.dtype))
-
-        return self._replace(
-            observations=put(self.observations, transition.observation),
-            actions=put(self.actions, transition.action),
-            following=put(self.following, transition.next_observation),
-            rewards=put(self.rewards, transition.reward),
-            terminated=put(self.terminated, transition.terminated),
-            ends=put(self.ends, False),
-            waiting=where(transition.diverged, self.waiting, self.waiting + 1),
-        )
+        observed = transition.observation, transition.action, transition.next_observation
+        parts = [*observed, transition.reward, transition.terminated, self.fresh]
+        row = jnp.concatenate([jnp.ravel(jnp.asarray(part)).astype(self.rows.dtype) for part in parts])
+        counted = where(transition.diverged, self.waiting, self.waiting + 1)
+        return Gathered(_put(self.rows, self.waiting, row), counted, jnp.zeros_like(self.fresh))
 
     def restart(self, ended: Flag) -> "Gathered":
         """The batch where an episode has `ended` with the newest decision."""
-        newest = jnp.arange(len(self.ends)) == self.waiting - 1
-        return self._replace(ends=self.ends | (newest & ended), fresh=self.fresh | ((self.waiting == 0) & ended))
+        return self._replace(fresh=self.fresh | ended)
 
     def emptied(self, due: Flag) -> "Gathered":
         """The batch after it was used, where that was `due`."""
-        return self._replace(waiting=jnp.where(due, 0, self.waiting), fresh=self.fresh & ~jnp.asarray(due))
+        return self._replace(waiting=jnp.where(due, 0, self.waiting))
+
+
+@jax.custom_batching.custom_vmap
+def _put(rows: Array, place: Array, row: Array) -> Array:
+    """Rows with one in its place. Mapped over seeds, whose places differ, this would be a scatter, which XLA leaves out
+    of loops that it compiles whole: a decision of eight seeds would take five times as long. So it is a loop of its
+    own."""
+    return jax.lax.dynamic_update_index_in_dim(rows, row, place, 0)
+
+
+@_put.def_vmap
+def _put_each(seeds: int, batched: list[bool], *given: Array) -> tuple[Array, bool]:
+    each = [x if own else jnp.broadcast_to(x, (seeds, *x.shape)) for x, own in zip(given, batched, strict=True)]
+    rows, places, row = each
+
+    def put(seed: Array, rows: Array) -> Array:
+        return jax.lax.dynamic_update_slice(rows, row[seed][None, None], (seed, places[seed], 0))
+
+    return jax.lax.fori_loop(0, seeds, put, rows), True
+
+
+class Decisions(NamedTuple):
+    """The decisions of a full batch: what `Gathered` has, by name. After an `end` another episode began."""
+
+    observations: Float[Array, "batch inputs"]
+    actions: Array
+    following: Float[Array, "batch inputs"]
+    rewards: Float[Array, " batch"]
+    terminated: Bool[Array, " batch"]
+    begins: Bool[Array, " batch"]
+    ends: Bool[Array, " batch"]
+
+
+def decisions_of(policy: Policy, gathered: Gathered) -> Decisions:
+    """The decisions of a full batch, as the policy sees and takes them."""
+    size = len(gathered.rows)
+    observations, actions = jax.eval_shape(lambda: empty_rows(policy, size))
+    inputs = observations.shape[1]
+    behind = inputs + math.prod(actions.shape[1:])
+    cuts = [inputs, behind, behind + inputs, behind + inputs + 1, behind + inputs + 2]
+    seen, acted, following, rewards, terminated, begins = jnp.split(gathered.rows, cuts, axis=1)
+    begins = begins[:, 0] > 0
+    ends = jnp.append(begins[1:], gathered.fresh)
+    acted = acted.reshape(actions.shape).astype(actions.dtype)
+    return Decisions(seen, acted, following, rewards[:, 0], terminated[:, 0] > 0, begins, ends)
 
 
 def may_gather(estimator: Estimator) -> bool:
@@ -109,7 +139,7 @@ def without_rows(state: EstimatorState) -> EstimatorState:
 
 
 def learn_at_once(
-    estimator: Estimator, state: EstimatorState, policy: Policy, rows: Gathered, steps: Steps
+    estimator: Estimator, state: EstimatorState, policy: Policy, rows: Decisions, steps: Steps
 ) -> tuple[PyTree[Array], EstimatorState]:
     """The mean of the samples of a whole batch, in the structure of the parameters, and the state after it."""
     errors, state = _errors(estimator, state, policy, rows)
@@ -125,22 +155,21 @@ def learn_at_once(
     start = jnp.zeros((), errors.dtype), jnp.ones((), errors.dtype)
     (first, kept), (advantages, shares) = jax.lax.scan(back, start, (errors, rows.ends), reverse=True)
     learned, eligible = _sums(estimator, policy, rows, advantages, shares, steps)
-    before = jax.tree.map(lambda z: jnp.where(rows.fresh, 0, z), state.trace)
+    before = jax.tree.map(lambda z: jnp.where(rows.begins[0], 0, z), state.trace)
     gradient = jax.tree.map(lambda g, z: ((g + decay * first * z) / len(errors)).astype(g.dtype), learned, before)
     return gradient, state._replace(trace=jax.tree.map(lambda new, z: new + kept * z, eligible, before))
 
 
 def _errors(
-    estimator: Estimator, state: EstimatorState, policy: Policy, rows: Gathered
+    estimator: Estimator, state: EstimatorState, policy: Policy, rows: Decisions
 ) -> tuple[Float[Array, " batch"], EstimatorState]:
     r"""The temporal differences $\delta_t$ of a batch, normalized, and the state after it, in which the critic has
     learned from them."""
     critic: Any = estimator.baseline
     own: CriticState = state.baseline
     dtype = own.features.dtype
-    begins = jnp.concatenate([rows.fresh[None], rows.ends[:-1]])
     taken = jax.vmap(lambda action: as_vector(policy, action, dtype))(rows.actions)
-    previous = jnp.where(begins[:, None], 0, jnp.concatenate([own.previous[None], taken[:-1]]))
+    previous = jnp.where(rows.begins[:, None], 0, jnp.concatenate([own.previous[None], taken[:-1]]))
     see = jax.vmap(lambda observation: abilities.critic_observation(policy, observation))
     features = critic.features(see(rows.observations).astype(dtype), previous)
     following = critic.features(see(rows.following).astype(dtype), taken)
@@ -167,7 +196,7 @@ def _errors(
     carried = state.scaling, own.reward, state.normalization
     (scaling, level, normalization), (errors, rewards) = jax.lax.scan(forth, carried, (rows.rewards, falls, rows.ends))
     critic_state = own._replace(previous=jnp.where(rows.ends[-1], 0, taken[-1]), reward=level)
-    traces, trace = _traces(critic, own.fit.trace, features, begins)
+    traces, trace = _traces(critic, own.fit.trace, features, rows.begins)
     sums = traces.T @ changes, rewards @ traces, jnp.sum(traces, axis=0)
     fit = own.fit._replace(trace=jnp.where(rows.ends[-1], 0, trace))
     weights, fit = critic.fit.take_in(own.weights, fit, sums, critic.compared(critic_state))
@@ -190,7 +219,7 @@ def _traces(
 
 
 def _sums(
-    estimator: Estimator, policy: Policy, rows: Gathered, advantages: Array, shares: Array, steps: Steps
+    estimator: Estimator, policy: Policy, rows: Decisions, advantages: Array, shares: Array, steps: Steps
 ) -> tuple[PyTree[Array], PyTree[Array]]:
     """The sums over a batch of its scores by `advantages`, with the gradient of the entropy, and by `shares`."""
     weights = jnp.stack([advantages, shares], axis=1)

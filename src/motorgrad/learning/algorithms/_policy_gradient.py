@@ -23,7 +23,14 @@ from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._accuracy import AccuracyState
 from motorgrad.learning._chain import SGD, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._estimator import Estimator, EstimatorState
-from motorgrad.learning._gathered import Gathered, learn_at_once, may_be_judged_later, may_gather, without_rows
+from motorgrad.learning._gathered import (
+    Gathered,
+    decisions_of,
+    learn_at_once,
+    may_be_judged_later,
+    may_gather,
+    without_rows,
+)
 from motorgrad.learning._gradient_learner import (
     GradientLearner,
     averaging_field,
@@ -273,7 +280,7 @@ class Agent(GradientLearner):
 
     def _learned_at_once(self, state: AgentState, rows: Gathered) -> AgentState:
         """The state after a step of the parameters, and of the critic, where the batch is full."""
-        full = rows.waiting >= len(rows.ends)
+        full = rows.waiting >= len(rows.rows)
         numbers = self.hyperparameters
 
         def learn(old: AgentState) -> AgentState:
@@ -283,9 +290,10 @@ class Agent(GradientLearner):
         learned = where_any(full, learn, state._replace(gathered=None))
         return learned._replace(gathered=rows.emptied(full))
 
-    def after_batch(self, state: AgentState, rows: Gathered) -> AgentState:
+    def after_batch(self, state: AgentState, gathered: Gathered) -> AgentState:
         """The state after all that is learned from a full batch."""
         policy = state.policy
+        rows = decisions_of(policy, gathered)
         gradient, estimator = learn_at_once(self.estimator, state.estimator, policy, rows, state.steps)
         if self.estimator.reduction == "sum":
             gradient = jax.tree.map(lambda g: len(rows.ends) * g, gradient)
@@ -302,7 +310,7 @@ class Agent(GradientLearner):
             return 0  # the end of an episode cannot be known beforehand
         count = jnp.asarray(NEVER, jnp.int32)
         if state.gathered is not None:
-            count = len(state.gathered.ends) - 1 - state.gathered.waiting
+            count = len(state.gathered.rows) - 1 - state.gathered.waiting
             return jnp.minimum(count, self.chain.decisions_until_due(state.chain))
         if isinstance(estimator.update_every, int) and isinstance(state.gradient, RunningMean):
             count = estimator.update_every - 1 - state.gradient.count.astype(jnp.int32)
