@@ -1,5 +1,6 @@
 """Engines whose dynamics run on the host for all seeds, with one compiled call per decision for everything else."""
 
+import contextlib
 import functools
 import threading
 from collections.abc import Callable, Mapping, Sequence, Set
@@ -15,6 +16,7 @@ from motorgrad._branching import where
 from motorgrad._compiler import in_one_piece, quick_options
 from motorgrad._errors import check
 from motorgrad._interface import Statistics
+from motorgrad._linear_algebra import one_thread
 from motorgrad._packing import Packed, Packing, shared_memory
 from motorgrad._random import BLOCK, block_at, draw_block
 from motorgrad.bodies import BodyBatch
@@ -108,7 +110,8 @@ class HostProgram(Program):
             lambda seeds, n, rows, own: jax.vmap(lambda *of: pack(begin(*of)))(seeds, n, self._by_seed(rows), own)
         )
         self.first = compiled(self._act)
-        self.learn = compiled(self._learn_and_act)
+        # Of learners that seldom update; for others, the limit would cost more than it saves.
+        self.learn = compiled(self._learn_and_act, limits=one_thread if self.cycle.waits else contextlib.nullcontext)
         self.learn_only = compiled(functools.partial(self._learn_and_act, update=False), packing.still)
         self._copy = jax.jit(lambda cycles: jax.tree.map(jnp.copy, cycles))
         self._merge = jax.jit(jax.vmap(lambda one, x, y: jax.tree.map(lambda a, b: jnp.where(one, a, b), x, y)))
@@ -147,9 +150,15 @@ class HostProgram(Program):
             cycles = jax.block_until_ready(self._merge(due, updated[0], learned[0]))
         return cycles, np.where(np.repeat(due, self._envs)[:, None], updated[1], learned[1])
 
-    def _over_seeds(self, packing: Packing, function: Decision, still: Set[str] = frozenset()) -> OverSeeds:
+    def _over_seeds(
+        self,
+        packing: Packing,
+        function: Decision,
+        still: Set[str] = frozenset(),
+        limits: Callable[[], contextlib.AbstractContextManager[None]] = contextlib.nullcontext,
+    ) -> OverSeeds:
         """`function(cycle, packed, uniforms, *rest) -> (cycle, out)` compiled for all seeds. It does not change the
-        arrays named in `still`, so they need not come back."""
+        arrays named in `still`, so they need not come back. It runs within `limits()`."""
         pack, unpack, width, envs = packing.pack, packing.unpack, self._width, self._envs
         function = self._in_turn(function) if envs > 1 else function
 
@@ -166,7 +175,7 @@ class HostProgram(Program):
         compiled = in_one_piece(every)
 
         def in_turn(moving: Packed, still: Packed, *rest: AnyArray) -> tuple[Packed, np.ndarray]:
-            with _alone:
+            with _alone, limits():
                 moving, out = compiled(moving, still, *rest)
                 return moving, np.asarray(out)  # waits for the call, which reads its input in place
 
