@@ -138,7 +138,7 @@ class EnvironmentBatch:
             packed[:, :size] = observations.reshape(row, size)
             packed[:, size:-1] = behind
         packed[:, -1] = 0.0
-        self.lost = np.count_nonzero(np.isfinite(packed)) < packed.size
+        self.lost = bool(np.count_nonzero(np.isfinite(packed)) < packed.size)
         if self.lost:
             broken = ~np.isfinite(packed).all(axis=1)
             packed[broken, :size] = self._before[broken, :size]
