@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from motorgrad._linear_algebra import linear_solve, positive_solve
+from motorgrad._linear_algebra import _libraries, linear_solve, one_thread, positive_solve
 from motorgrad.learning import (
     SGD,
     Agent,
@@ -28,7 +28,7 @@ from motorgrad.policies import FeatureMap, bounded_hyperplanes, hyperplanes, rec
 
 BATCH = 11
 DIVERGED = [0, 5, BATCH]
-"""The first of the stream, one, and the first of the second batch, which hangs on one that was full."""
+"""Decisions that diverge: the first of the stream, one in the first batch, and one at its end."""
 DECISIONS = 3 * BATCH + len(DIVERGED)
 FEATURES = FeatureMap(nonlinear=4)
 POLICIES = {
@@ -145,6 +145,22 @@ def test_a_policy_that_remembers_and_several_environments_learn_in_turn():
     assert agent.fed_by_several().init(jax.random.key(0)).gathered is None
     remembering = dataclasses.replace(agent, policy=recurrent(3, 2), metric=None)
     assert remembering.init(jax.random.key(0)).gathered is None
+
+
+def test_another_policy_drops_the_decisions_of_the_one_before():
+    agent = made("binary")
+    state = agent.init(jax.random.key(0))
+    state = state._replace(gathered=state.gathered._replace(waiting=state.gathered.waiting + 5))
+    after = agent.set_policy(state, POLICIES["binary"]()).gathered
+    assert (int(after.waiting), bool(after.fresh)) == (0, True)
+
+
+def test_solvers_of_an_update_have_one_thread_and_others_as_many_as_before():
+    libraries = _libraries()
+    before = [library["num_threads"] for library in libraries.info()]
+    with one_thread():
+        assert {library["num_threads"] for library in libraries.select(user_api="blas").info()} == {1}
+    assert [library["num_threads"] for library in libraries.info()] == before
 
 
 @pytest.mark.parametrize("solver", [linear_solve, positive_solve])

@@ -11,7 +11,7 @@ from motorgrad.policies import abilities
 
 @compiled
 def sums(policy, observations, uniforms, weights):
-    """The sums in the policy's own way, with the slope of the entropy's, and what they are of each decision."""
+    """The sums in the policy's own way, and the numbers of each decision."""
     actions = jax.vmap(policy.sample)(observations, uniforms)
     each = jax.vmap(policy.score)(observations, actions)
     found = abilities.score_sum(policy, observations, actions, weights)

@@ -60,6 +60,10 @@ class Gathered(NamedTuple):
         """The batch where an episode has `ended` with the newest decision."""
         return self._replace(fresh=self.fresh | ended)
 
+    def dropped(self) -> "Gathered":
+        """The batch without its decisions, as at the start of an episode; of one seed or of many."""
+        return self._replace(waiting=jnp.zeros_like(self.waiting), fresh=jnp.ones_like(self.fresh))
+
     def emptied(self, due: Flag) -> "Gathered":
         """The batch after it was used, where that was `due`."""
         return self._replace(waiting=jnp.where(due, 0, self.waiting))

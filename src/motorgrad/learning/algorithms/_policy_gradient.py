@@ -324,6 +324,12 @@ class Agent(GradientLearner):
         """The learner that learns from one decision after the other: each environment has a trace of its own."""
         return dataclasses.replace(self, gather=False)
 
+    def set_policy(self, state: AgentState, policy: Policy) -> AgentState:
+        """The state with another policy in place. Gathered decisions are dropped: they are those of the policy before,
+        and judged by another they would be credited wrongly."""
+        state = super().set_policy(state, policy)
+        return state if state.gathered is None else state._replace(gathered=state.gathered.dropped())
+
     def readings(self, state: AgentState) -> dict[str, Array]:
         """The level of rewards, `baseline`; of a learner that grows the number of `units`, and whether the newest is
         in its `adding` phase; with batches that end by their accuracy, the share of `unsure` steps."""
